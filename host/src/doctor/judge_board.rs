@@ -122,8 +122,8 @@ fn judge_rails(supply: &Supply, state: Option<&str>) -> Finding {
         );
     }
     if is_off {
-        let cost = "the next touch arms the board; arming tests the supply and takes about 0.1 s; `era serve --idle-s` \
-                    keeps the board armed for longer";
+        let cost = "the next touch arms the board, and vibrates about 0.14 s later: the board tests the supply, and \
+                    the rails rise; `era serve --idle-s` keeps the board armed and the rails charged for longer";
         return Finding::ok("supply", format!("{found}; {cost}"));
     }
     Finding::ok("supply", format!("{found}; the board is {}", state.unwrap_or("in an unknown state")))

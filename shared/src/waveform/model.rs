@@ -120,12 +120,6 @@ impl PulseCheck {
         }
         self.last = Some(next);
     }
-
-    /// The last pulse that was added.
-    #[must_use]
-    pub const fn last_pulse(&self) -> Option<Pulse> {
-        self.last
-    }
 }
 
 /// All timers of a board, their pins watched, under a [`Sequencer`].

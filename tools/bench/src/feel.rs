@@ -12,7 +12,7 @@ use era_planner::click::{
     ClickDesign, ClickOptions, LATEST_PEAK_S, design_click_windows, simulate_felt_acceleration_of_windows_m_per_s2,
 };
 use era_planner::effects::intensity::mode_shape_values_at_point_or_on_bar_axis;
-use era_planner::effects::{EffectRequest, NamedEffect, design_effect};
+use era_planner::effects::{EffectPrediction, EffectRequest, NamedEffect, design_effect};
 use era_planner::{PlanTable, STANDARD_GRAVITY, TableOptions, Target};
 use std::fmt::Write;
 use std::time::Instant;
@@ -69,7 +69,8 @@ fn build_plan_table_from_toml(text: &str) -> Result<PlanTable, Error> {
 
 /// The click at one place, and how it compares.
 struct ClickAtPlace {
-    before_is_crisp: bool,
+    /// A push with a brake, as in earlier versions.
+    before: EffectPrediction,
     click: ClickDesign,
     took_ms: f64,
     /// On the panels off the scene.
@@ -101,8 +102,6 @@ fn design_and_measure_click(
     let click = ClickDesign { best_possible, ..click };
     let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(ASKED_G) }]).ok()?;
     let before = design_effect(table, poles, &plan, EffectRequest::with_defaults(NamedEffect::Click)).ok()?.predicted;
-    let before_is_crisp =
-        before.peak_at_ms <= 1e3 * LATEST_PEAK_S && before.quiet_ms.is_some_and(|quiet_ms| quiet_ms <= 1e3 * QUIET_S);
     let motions: Vec<Vec<f64>> = perturbed_tables
         .iter()
         .filter_map(|table| {
@@ -113,7 +112,7 @@ fn design_and_measure_click(
     let perturbed_measures: Vec<ClickMeasures> = motions.iter().map(|motion| measure_click(motion)).collect();
     let is_quiet_when_perturbed =
         motions.iter().all(|motion| is_below_fraction_of_peak_after_quiet_time(motion, QUIET_OFF));
-    Some(ClickAtPlace { before_is_crisp, click, took_ms, perturbed_measures, is_quiet_when_perturbed })
+    Some(ClickAtPlace { before, click, took_ms, perturbed_measures, is_quiet_when_perturbed })
 }
 
 /// Measures clicks: a table of places, and one of pairs of keys.
@@ -148,6 +147,19 @@ pub fn build_click_tables() -> Result<Vec<Table>, Error> {
             "time (median, 99 %)",
         ],
     );
+    let mut kinds = Table::new(
+        "The same clicks beside pushes with a brake, and on panels whose modulus or springs are 5 % off (medians)",
+        &[
+            "scene",
+            "click",
+            "crisp, or less than a fifth left",
+            "peak",
+            "peak after",
+            "quiet after",
+            "pulse to ring",
+            "sharpness",
+        ],
+    );
     for (name, text, (columns, rows)) in scenes {
         let own = build_plan_table_from_toml(&text)?;
         let variants = [
@@ -166,9 +178,12 @@ pub fn build_click_tables() -> Result<Vec<Table>, Error> {
             places.iter().filter_map(|place| design_and_measure_click(&own, &perturbed_tables, *place)).collect();
         // A place without a click counts as one that is not crisp.
         table.add_row(build_row_of_clicks(name, places.len(), &clicked));
+        for row in build_rows_of_push_click_and_click_off(name, places.len(), &clicked) {
+            kinds.add_row(row);
+        }
         eprintln!("{name}: {} places", clicked.len());
     }
-    Ok(vec![table, build_table_of_pairs()?])
+    Ok(vec![table, kinds, build_table_of_pairs()?])
 }
 
 /// Clicks for two fingers at once, on every pair of keys of a keypad that covers the panel.
@@ -233,6 +248,66 @@ fn build_row_of_pairs(name: &str, clicked: &[(Option<ClickDesign>, f64)]) -> Vec
     ]
 }
 
+fn is_push_crisp(own: &ClickAtPlace) -> bool {
+    let before = &own.before;
+    before.peak_at_ms <= 1e3 * LATEST_PEAK_S && before.quiet_ms.is_some_and(|quiet_ms| quiet_ms <= 1e3 * QUIET_S)
+}
+
+fn is_click_quiet_when_perturbed(own: &ClickAtPlace) -> bool {
+    own.is_quiet_when_perturbed && own.perturbed_measures.iter().all(|measures| measures.peak_s <= LATEST_PEAK_S)
+}
+
+/// A scene's pushes, its clicks, and its clicks on all panels that are off; what is not quiet counts as quiet after an infinite time.
+#[expect(clippy::cast_precision_loss, reason = "some places")]
+fn build_rows_of_push_click_and_click_off(name: &str, places: usize, clicked: &[ClickAtPlace]) -> [Vec<String>; 3] {
+    let row = |kind: &str, is_counted: &dyn Fn(&ClickAtPlace) -> bool, figures: [Vec<f64>; 5]| {
+        let share = 100.0 * clicked.iter().filter(|own| is_counted(own)).count() as f64 / places.max(1) as f64;
+        let [peak_g, peak_ms, quiet_ms, ring_db, sharpness] = figures.map(compute_median);
+        vec![
+            name.to_owned(),
+            kind.to_owned(),
+            format!("{share:.0} %"),
+            format!("{peak_g:.2} g"),
+            format!("{peak_ms:.1} ms"),
+            format!("{quiet_ms:.1} ms"),
+            format!("{ring_db:.1} dB"),
+            format!("{sharpness:.2} dB/ms"),
+        ]
+    };
+    let of_pushes = |value_of: &dyn Fn(&EffectPrediction) -> Option<f64>| -> Vec<f64> {
+        clicked.iter().filter_map(|own| value_of(&own.before)).collect()
+    };
+    let figures_of = |all: &[&ClickMeasures]| {
+        let of = |value_of: &dyn Fn(&ClickMeasures) -> Option<f64>| -> Vec<f64> {
+            all.iter().filter_map(|own| value_of(own)).collect()
+        };
+        [
+            of(&|own| Some(own.peak / STANDARD_GRAVITY)),
+            of(&|own| Some(1e3 * own.peak_s)),
+            of(&|own| Some(1e3 * own.quiet_s.unwrap_or(f64::INFINITY))),
+            of(&|own| own.pulse_to_ring_db),
+            of(&ClickMeasures::sharpness_db_per_ms),
+        ]
+    };
+    let nominal: Vec<&ClickMeasures> = clicked.iter().map(|own| &own.click.measures).collect();
+    let off: Vec<&ClickMeasures> = clicked.iter().flat_map(|own| &own.perturbed_measures).collect();
+    [
+        row(
+            "push with a brake",
+            &is_push_crisp,
+            [
+                of_pushes(&|own| Some(own.peak_g)),
+                of_pushes(&|own| Some(own.peak_at_ms)),
+                of_pushes(&|own| Some(own.quiet_ms.unwrap_or(f64::INFINITY))),
+                of_pushes(&|own| own.pulse_to_ring_db),
+                of_pushes(&|own| own.sharpness_db_per_ms),
+            ],
+        ),
+        row("windows", &|own| own.click.is_crisp, figures_of(&nominal)),
+        row("windows, 5 % off", &is_click_quiet_when_perturbed, figures_of(&off)),
+    ]
+}
+
 #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some places")]
 fn build_row_of_clicks(name: &str, places: usize, clicked: &[ClickAtPlace]) -> Vec<String> {
     let count = places.max(1) as f64;
@@ -249,12 +324,9 @@ fn build_row_of_clicks(name: &str, places: usize, clicked: &[ClickAtPlace]) -> V
     let slow = times.get((0.99 * (times.len().max(1) - 1) as f64).round() as usize).copied().unwrap_or(0.0);
     vec![
         name.to_owned(),
-        share_where(&|own| own.before_is_crisp),
+        share_where(&is_push_crisp),
         share_where(&|own| own.click.is_crisp),
-        share_where(&|own| {
-            own.is_quiet_when_perturbed
-                && own.perturbed_measures.iter().all(|measures| measures.peak_s <= LATEST_PEAK_S)
-        }),
+        share_where(&is_click_quiet_when_perturbed),
         format!("{:.1} ms", 1e3 * median_of(&|own| Some(own.click.measures.peak_s))),
         format!("{:.1} ms", 1e3 * median_of(&|own| Some(own.click.measures.quiet_s.unwrap_or(f64::INFINITY)))),
         format!("{:.2} g", least_of(&peak_g)),

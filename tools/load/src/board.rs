@@ -55,7 +55,7 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// A board for the example plate, plugged in at `link` with a cable that can be disturbed.
+    /// A board for the starting plate, plugged in at `link` with a cable that can be disturbed.
     ///
     /// # Errors
     /// [`Error::Scene`], [`Error::Line`], [`Error::System`].
@@ -160,13 +160,13 @@ fn start_device() -> Result<(SimDevice, PlanTable), Error> {
     Ok((device.map_err(Error::system_error("no pseudo-terminal"))?, table))
 }
 
-/// What is planned with for the example plate.
+/// What is planned with for the starting plate, on which the figures of the manual for the daemon were measured.
 ///
 /// # Errors
 /// [`Error::Scene`].
 pub fn build_plan_table() -> Result<PlanTable, Error> {
     let wrong = |error: &dyn std::fmt::Display| Error::Scene(error.to_string());
-    let scene = Scene::parse("example plate", STARTING_PLATE).map_err(|error| wrong(&error))?;
+    let scene = Scene::parse("starting plate", STARTING_PLATE).map_err(|error| wrong(&error))?;
     let options = TableOptions::default();
     let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz)
         .map_err(|error| wrong(&error))?

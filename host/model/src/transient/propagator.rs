@@ -60,12 +60,6 @@ impl Propagator {
         self.system.count_unknowns()
     }
 
-    /// The grid of times.
-    #[must_use]
-    pub const fn time_grid(&self) -> TimeGrid {
-        self.grid
-    }
-
     /// Whether real modes were found: proportional damping, or none.
     #[must_use]
     pub const fn has_decoupled_modes(&self) -> bool {

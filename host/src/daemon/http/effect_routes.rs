@@ -48,7 +48,7 @@ pub async fn post_effect_file_to_play(
     body: Bytes,
 ) -> Result<Response, Problem> {
     let stops = app.driver.stop_count();
-    let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "effect"?: {"version": 1, "events": [...]} or "file"?: text, "format"?: "toml" | "json" | "ahap" | "hjif" | "haptic"}"#;
+    let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "effect"?: {"version": 1, "events": [...]} or "file"?: text or "file_base64"?: text, "format"?: "toml" | "json" | "ahap" | "hjif" | "hmpg" | "haptic" | "wav"}"#;
     let id = app.driver.admission.allocate_request_number();
     let (table, weak_app) = (Arc::clone(&app.table), Arc::downgrade(&app));
     let read = move || {

@@ -104,12 +104,6 @@ impl StudyFolder {
         Ok(true)
     }
 
-    /// Where the folder is.
-    #[must_use]
-    pub fn folder_path(&self) -> &Path {
-        &self.path
-    }
-
     /// The rows of a task, if they are there and whole.
     ///
     /// # Errors
