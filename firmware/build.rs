@@ -14,7 +14,7 @@ fn main() {
     // Without git, or outside a checkout, the firmware says that it does not know. A tree with changes is not the commit: a plus takes the
     // place of the last digit.
     let mut commit = git(&["rev-parse", "--short=8", "HEAD"]).unwrap_or_default();
-    let changes = git(&["status", "--porcelain", "--untracked-files=no", "--", ".", "../shared", "../memory.x"]);
+    let changes = git(&["status", "--porcelain", "--untracked-files=normal", "--", ".", "../shared", "../memory.x"]);
     if commit.len() >= 8 && changes.is_none_or(|changes| !changes.is_empty()) {
         commit.replace_range(7.., "+");
     }

@@ -5,14 +5,16 @@
 //!   for programs without a memory protection unit, as this one; so it holds for the handlers of the libraries too.
 //! * The first write to SRAM after a reset may be lost (errata sheet ES0430; its text was not at hand). One that nobody needs comes first: the
 //!   start-up code's own first write is a return address.
-//! * Memory holds anything at all after power-on. Where the option byte SRAM_PE has turned parity on, reading a word that was never written is an
-//!   NMI, which would be noted, and end in a reset, for ever. So what the start-up code does not write itself is written first there: what keeps
-//!   notes over a reset (`.uninit`; a dip of the supply is then not told from a rest), and the stack, as code may copy variables whose values do
-//!   not matter. It takes 8 clocks of 16 MHz for each 8 bytes, 7 ms. Parity covers the first 32 KiB of SRAM1 and the CCM SRAM (RM0440, section 2.4).
+//! * Memory holds anything at all after power-on. Where the option byte SRAM_PE has turned parity on, also after new option bytes have been loaded,
+//!   reading a word that was never written is an NMI, which would be noted, and end in a reset, for ever. So what the start-up code does not write
+//!   itself is written first there: what keeps notes over a reset (`.uninit`; a dip of the supply is then not told from a rest), and the stack, as
+//!   code may copy variables whose values do not matter. It takes 8 clocks of 16 MHz for each 8 bytes, 7 ms. Parity covers the first 32 KiB of
+//!   SRAM1 and the CCM SRAM (RM0440, section 2.4).
 
 use core::arch::global_asm;
 
-// ACTLR is in PM0214, section 4.4.1, with DISDEFWBUF in bit 1. RCC_CSR is in RM0440, section 7.4.31, with BORRSTF in bit 27; FLASH_OPTR in 3.7.8, with SRAM_PE in bit 24, 1 = no parity.
+// ACTLR is in PM0214, section 4.4.1, with DISDEFWBUF in bit 1. RCC_CSR is in RM0440, section 7.4.31, with BORRSTF in bit 27 and
+// OBLRSTF in bit 25; FLASH_OPTR in 3.7.8, with SRAM_PE in bit 24, 1 = no parity.
 global_asm!(
     ".section .text.era_pre_init, \"ax\", %progbits",
     ".p2align 2",
@@ -28,8 +30,8 @@ global_asm!(
     "    dsb",
     "    ldr r1, =0x40021094", // RCC_CSR
     "    ldr r1, [r1]",
-    "    lsls r1, r1, #4", // BORRSTF
-    "    bpl 2f",
+    "    tst r1, #0x0A000000", // BORRSTF, OBLRSTF
+    "    beq 2f",
     "    ldr r1, =0x40022020", // FLASH_OPTR
     "    ldr r1, [r1]",
     "    lsls r1, r1, #7", // SRAM_PE

@@ -44,6 +44,20 @@ fn an_effect_is_played_once_and_the_next_after_it() {
     assert!((periods - 8.0).abs() < 0.4, "two clicks of four periods: {periods}");
 }
 
+/// What was played before a stop is not: whoever repeats the request then is not told that it plays.
+#[test]
+fn a_request_that_is_repeated_after_a_stop_is_not_answered_as_playing() {
+    let mut bench = Bench::new();
+    bench.arm_and_await_armed();
+    bench.send_request(&Request::Prepare { drives: Short::from_slice(&[make_drive(0)]).unwrap() });
+    bench.wait_ms(60);
+    let play = Request::PlayOnce { number: 1, channel: 0, start_us: 0, effect: Effect::new_click(2, 2) };
+    assert_eq!(bench.send_request(&play), Reply::Playing);
+    assert_eq!(bench.send_request(&Request::Stop), Reply::Stopped);
+    let answer = bench.send_request(&play);
+    assert!(matches!(answer, Reply::Refused(_)), "{answer:?}");
+}
+
 /// A late request to clear a fault does not clear a newer one.
 #[test]
 fn a_fault_is_cleared_by_its_number() {

@@ -31,6 +31,7 @@ INTERRUPTS, NVIC_WORDS = 102, 4
 RESET_FLAGS = {
     "power_on": 1 << 27 | 1 << 26,
     "brown_out": 1 << 27 | 1 << 26,
+    "option_bytes": 1 << 25 | 1 << 26,
     "watchdog": 1 << 29 | 1 << 26,
     "software": 1 << 28 | 1 << 26,
     "pin": 1 << 26,

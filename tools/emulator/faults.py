@@ -41,7 +41,7 @@ watchdog        "broken" | "slow" | "works"                      the independent
 lsi             x                                                the watchdog's oscillator has x times 32 kHz (0: it stands still)
 option_bytes    n                                                FLASH_OPTR; a reset loads it too
 time_base       "stops"                                          TIM2's interrupt is not served any more
-reset           "watchdog" | "brown_out" | "pin" | "software"    the chip restarts for this reason; RAM is kept
+reset           "watchdog" | "brown_out" | "option_bytes" | "pin" | "software"    the chip restarts for this reason; RAM is kept
 heal            true                                             all but the last three are over
 
 `handler` and `time_base` last until the chip restarts.
@@ -193,7 +193,7 @@ class Faults:
         self.machine.sim.write_u32(NVIC_ICER + 4 * (IRQ_TIM2 // 32), 1 << IRQ_TIM2 % 32)
 
     def do_reset(self, value):
-        self.machine.reset(one_of(value, "watchdog", "brown_out", "pin", "software"))
+        self.machine.reset(one_of(value, "watchdog", "brown_out", "option_bytes", "pin", "software"))
 
     def do_heal(self, _):
         self.machine.supply.heal()

@@ -21,7 +21,7 @@ CONSTANTS = {
         **{name: f"SCB_{name}" for name in ("ICSR", "VTOR", "AIRCR")},
         "SYSRESETREQ": "SCB_AIRCR: SYSRESETREQ", "VECTACTIVE": "SCB_ICSR: VECTACTIVE",
         "RESET_FLAGS": {
-            "power_on": "RCC_CSR: BORRSTF PINRSTF", "brown_out": "RCC_CSR: BORRSTF PINRSTF", "watchdog": "RCC_CSR: IWDGRSTF PINRSTF",
+            "power_on": "RCC_CSR: BORRSTF PINRSTF", "brown_out": "RCC_CSR: BORRSTF PINRSTF", "option_bytes": "RCC_CSR: OBLRSTF PINRSTF", "watchdog": "RCC_CSR: IWDGRSTF PINRSTF",
             "software": "RCC_CSR: SFTRSTF PINRSTF", "pin": "RCC_CSR: PINRSTF",
         },
         **{name: f"GPIOA_{name} offset" for name in ("MODER", "IDR", "ODR", "AFRL", "AFRH")},

@@ -66,7 +66,7 @@ def compare_pins_of_firmware(read=read_source):
     comparators = read("firmware/src/comparators.rs")
     seen = {f"COMP{number}_INP0": pin for number, pin in re.findall(r"^//! \| (\d) +\| (P\w+)", comparators, re.MULTILINE)}
     wrong += tell_differences("comparators", seen, {name: pin for pin, _, names in table.values() for name in names if name.startswith("COMP")})
-    pairs = re.findall(r"of_too_much\((\d), .*, COMP(\d)\)", comparators) + re.findall(r"number: (\d), .*registers: COMP(\d)", comparators)
+    pairs = re.findall(r"make_overload_comparator\((\d), .*, COMP(\d)\)", comparators) + re.findall(r"number: (\d), .*registers: COMP(\d)", comparators)
     wrong += [f"comparator {number} is COMP{other}" for number, other in pairs if number != other]
     return wrong + ([] if len(pairs) == len(seen) else [f"{len(pairs)} comparators, not {len(seen)}"])
 

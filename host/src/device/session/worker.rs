@@ -12,6 +12,7 @@ use era_shared::limits::BURST_MAX_MS;
 use era_shared::protocol::{ChannelDrive, Reply, Request, WindowSequence};
 use era_shared::safety::SafetyState;
 use std::cell::Cell;
+use std::hash::{BuildHasher, RandomState};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -111,7 +112,8 @@ impl SessionWorker {
             obeyed: 0,
             again_since: None,
             drive_id: 0,
-            play_number: 0,
+            // Not that of a daemon before this one, whose numbers a board may still remember.
+            play_number: u32::try_from(RandomState::new().hash_one(()) >> 32).unwrap_or_default(),
             boot_id: None,
             armed: false,
             drive_until: None,

@@ -327,9 +327,11 @@ fn add_rows_of_brown_out_with_and_without_sram_parity(
     let seen = armed.as_ref().map_or_else(ToString::to_string, |()| "armed".to_owned());
     table.add_comparison_row(&format!("{name}: arm again"), "armed", &seen);
 
-    for (name, options, is_written) in
-        [("SRAM parity on, brown-out", PARITY_ON, true), ("SRAM parity off, brown-out", DELIVERED, false)]
-    {
+    for (name, options, reset, is_written) in [
+        ("SRAM parity on, brown-out", PARITY_ON, "brown_out", true),
+        ("SRAM parity on, option bytes loaded", PARITY_ON, "option_bytes", true),
+        ("SRAM parity off, brown-out", DELIVERED, "brown_out", false),
+    ] {
         board.power_cycle_and_time_boot_ms(&json!({"option_bytes": options}))?;
         let notes = board.find_symbol_address("__suninit")?..board.find_symbol_address("__euninit")?;
         // Of the stack some words that are not in use.
@@ -338,7 +340,7 @@ fn add_rows_of_brown_out_with_and_without_sram_parity(
         for address in &words {
             board.write_memory_word(*address, FILLING)?;
         }
-        board.inject_fault(&json!({"reset": "brown_out"}))?;
+        board.inject_fault(&json!({"reset": reset}))?;
         board.advance_time(RESTARTED_S)?;
         let mut kept = 0;
         for &address in &words {

@@ -404,7 +404,7 @@ const fn new_disabled_converter(name: &'static str, address: u32) -> ChangedRegi
 }
 
 /// One of each kind, addresses by RM0440. All but the converters are in the table of settings that are read after boot.
-const CHANGED_REGISTERS: [ChangedRegister; 18] = [
+const CHANGED_REGISTERS: [ChangedRegister; 19] = [
     // TIM2_PSC: time runs at 170/171 of its rate.
     ChangedRegister {
         found_by_arming: FaultCode::ReadBack,
@@ -420,6 +420,11 @@ const CHANGED_REGISTERS: [ChangedRegister; 18] = [
     ChangedRegister {
         found_by_arming: FaultCode::ReadBack,
         ..new_changed_register("compare mode of TIM4 changed", 0x4000_0818, 0)
+    },
+    // TIM4_AF2: the current's comparator does not clear its outputs.
+    ChangedRegister {
+        found_by_arming: FaultCode::ReadBack,
+        ..new_changed_register("TIM4 not cleared by the comparator of the current (AF2)", 0x4000_0864, 0)
     },
     new_changed_register("break of TIM8 without comparators (AF1)", 0x4001_3460, 0),
     new_changed_register("permit without comparators (TIM16_AF1)", 0x4001_4460, 0),

@@ -325,6 +325,18 @@ pub const MUTATIONS: &[Mutation] = &[
         "    brown_out::init_voltage_detector();\n    breaks::init_core_failure_breaks_and_interrupt();",
         "    breaks::init_core_failure_breaks_and_interrupt();\n    brown_out::init_voltage_detector();",
     ),
+    new_mutation(
+        "nothing looks at what clears the timer without a break",
+        "firmware/src/timers.rs",
+        "pac::TIM4.af2().read().0 == AF2_CLEAR_BY_COMPARATOR_4 && pac::TIM4.smcr()",
+        "pac::TIM4.smcr()",
+    ),
+    new_mutation(
+        "loaded option bytes leave memory as it is",
+        "firmware/src/pre_init.rs",
+        "    \"    tst r1, #0x0A000000\",",
+        "    \"    tst r1, #0x08000000\",",
+    ),
     new_unseen_mutation(
         "no write before the first return address",
         "firmware/src/pre_init.rs",

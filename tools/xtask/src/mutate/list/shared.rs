@@ -472,4 +472,10 @@ pub const MUTATIONS: &[Mutation] = &[
         "SupplyCommand { permitted: true, ..SupplyCommand::OFF };",
         "SupplyCommand { permitted: false, ..SupplyCommand::OFF };",
     ),
+    new_mutation(
+        "what was played is remembered over a stop",
+        "shared/src/device/mod.rs",
+        "        // Whoever repeats a request now is told that nothing is live.\n        self.played.clear();\n",
+        "",
+    ),
 ];
