@@ -230,12 +230,21 @@ fn build_image_and_run_report(bench: &Workbench) -> Result<TreeVerdict, Error> {
     let own = std::env::current_exe().map_err(file_error("cannot find", Path::new("this program")))?;
     let image: PathBuf = target.join("thumbv7em-none-eabihf/release/era-firmware");
     let (works, output) =
-        run_and_read(Command::new(own).args(["emulate", "--report", "--first-wrong", "--image"]).arg(image))?;
-    if works {
-        return Ok(TreeVerdict::Sound);
+        run_and_read(Command::new(own).args(["emulate", "--report", "--first-wrong", "--image"]).arg(&image))?;
+    if !works {
+        let rows = output.lines().filter_map(|line| line.strip_prefix("wrong: ")).map(|row| format!("report: {row}"));
+        return Ok(TreeVerdict::Failed(rows.collect()));
     }
-    let rows = output.lines().filter_map(|line| line.strip_prefix("wrong: ")).map(|row| format!("report: {row}"));
-    Ok(TreeVerdict::Failed(rows.collect()))
+    // Pins, registers and pulses against the manufacturer's data, which share nothing with the report.
+    let launch = bench.tree.join("tools/emulator/launch.py");
+    let (works, output) = run_and_read(Command::new("python3").arg(launch).args(["--self-test", "--elf"]).arg(&image))?;
+    Ok(if works { TreeVerdict::Sound } else { TreeVerdict::Failed(list_failed_python_tests(&output)) })
+}
+
+/// The tests that unittest names as failed: lines such as `FAIL: test_pins (test_pin_map.PinMapTest.test_pins)`.
+fn list_failed_python_tests(output: &str) -> Vec<String> {
+    let name = |line: &str| line.strip_prefix("FAIL: ").or_else(|| line.strip_prefix("ERROR: ")).map(str::to_owned);
+    output.lines().filter_map(name).collect()
 }
 
 /// The first error in what a compiler or a program has written.
@@ -286,6 +295,15 @@ mod tests {
             panic!("a run that was ended by its time limit is detected")
         };
         assert!(names[0].contains("does not end"), "{names:?}");
+    }
+
+    #[test]
+    fn failed_python_tests_are_named() {
+        let output = "....\nFAIL: test_pins (test_pin_map.PinMapTest.test_pins)\nTraceback\nERROR: test_two (a.B)\n";
+        assert_eq!(
+            list_failed_python_tests(output),
+            ["test_pins (test_pin_map.PinMapTest.test_pins)", "test_two (a.B)"]
+        );
     }
 
     /// A reason why a mistake is not seen excuses that mistake only, and only as long as it is not seen.
