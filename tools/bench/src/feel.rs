@@ -11,8 +11,9 @@ use era_planner::click::places::CellMiddles;
 use era_planner::click::{
     ClickDesign, ClickOptions, LATEST_PEAK_S, design_click_windows, simulate_felt_acceleration_of_windows_m_per_s2,
 };
+use era_planner::effects::design::EffectPrediction;
 use era_planner::effects::intensity::mode_shape_values_at_point_or_on_bar_axis;
-use era_planner::effects::{EffectPrediction, EffectRequest, NamedEffect, design_effect};
+use era_planner::effects::{EffectRequest, NamedEffect, design_effect};
 use era_planner::{PlanTable, STANDARD_GRAVITY, TableOptions, Target};
 use std::fmt::Write;
 use std::time::Instant;
