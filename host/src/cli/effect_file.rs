@@ -40,16 +40,11 @@ impl From<PanelEffectError> for Failure {
     }
 }
 
-impl From<ReadError> for Failure {
-    fn from(error: ReadError) -> Self {
-        Failure::usage_error(error)
-    }
-}
-
 pub fn design_effect_file_for_panel_and_print(options: &EffectOptions, path: &Path) -> Outcome {
     let scene = options.panel.load_scene()?;
-    let list = read_effect_bytes(&read_file_cut_one_byte_over_limit(path)?, options.from_file.format)?;
-    let (parts, warnings) = cut_events_into_parts(&list)?;
+    let named = |error: ReadError| Failure::usage_error(format!("{}: {error}", path.display()));
+    let list = read_effect_bytes(&read_file_cut_one_byte_over_limit(path)?, options.from_file.format).map_err(named)?;
+    let (parts, warnings) = cut_events_into_parts(&list).map_err(named)?;
     let target = make_target_from_at_option(&scene, &options.at)?;
     let touched_m = (target.x_m, target.y_m);
     let mut places_m: Vec<(f64, f64)> = parts.iter().map(|part| place_of_part_m(part, touched_m)).collect();
@@ -76,10 +71,11 @@ pub fn design_effect_file_for_panel_and_print(options: &EffectOptions, path: &Pa
 /// Lets the daemon play a file at the touched place.
 pub fn send_effect_file_to_daemon_and_print(options: &Touch, path: &Path) -> Outcome {
     let bytes = read_file_cut_one_byte_over_limit(path)?;
-    let format = options.format.map_or_else(|| detect_format(&bytes), Ok)?;
-    if bytes.len() > format.max_bytes().min(MAX_SENT_BYTES) {
-        let max = format.max_bytes().min(MAX_SENT_BYTES);
-        return Err(ReadError::TooLarge { bytes: bytes.len(), format, max }.into());
+    let named = |error: ReadError| Failure::usage_error(format!("{}: {error}", path.display()));
+    let format = options.format.map_or_else(|| detect_format(&bytes), Ok).map_err(named)?;
+    let max = format.max_bytes().min(MAX_SENT_BYTES);
+    if bytes.len() > max {
+        return Err(named(ReadError::TooLarge { bytes: bytes.len(), format, max }));
     }
     let mut body =
         json!({"x_px": options.x_px, "y_px": options.y_px, "format": format, "file_base64": BASE64.encode(&bytes)});

@@ -58,7 +58,9 @@ pub fn run_field(options: &Field) -> Outcome {
         );
     }
     if let (Some(bound), false) = (bound.limit_if_known(), options.json) {
-        tell!("the model error of each value is at most {bound:.0e} times the largest peak on the surface");
+        tell!(
+            "each value is accurate to within {bound:.0e} times the largest peak on the surface (error bound of the model)"
+        );
     }
     let to_output = options.csv.as_ref().is_some_and(|path| path.as_os_str() == "-");
     if let Some(path) = options.csv.as_ref().filter(|_| !to_output) {

@@ -24,8 +24,7 @@ use tokio::net::TcpListener;
 /// Name of the daemon's socket in the user's folder for such.
 const SOCKET: &str = "era.sock";
 /// What can be recorded to.
-const NEW_RECORD: &str =
-    "name a new file, or a folder (with a slash at its end): each start then makes a new file in this folder";
+const NEW_RECORD: &str = "name a new file in a folder that exists; or end the name with a slash: it is then a folder in which each start of the daemon makes a new file";
 /// Where the first plan is tried, in parts of the way to the screen's middle.
 const DIAGONAL: [f64; 6] = [1.0, 0.8, 1.2, 0.6, 1.4, 0.4];
 

@@ -39,7 +39,8 @@ pub fn parse_unitless_point(text: &str) -> Result<Point, String> {
     let number = |part: &str| {
         part.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{part:?} is not a number"))
     };
-    let (x, y) = text.split_once(',').ok_or(format!("{text:?} is not of the form X,Y"))?;
+    let two = text.split_once(',').filter(|(_, y)| !y.contains(','));
+    let (x, y) = two.ok_or(format!("{text:?} is not of the form X,Y, with two numbers"))?;
     Ok(Point { x: number(x)?, y: number(y)? })
 }
 

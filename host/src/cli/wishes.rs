@@ -56,7 +56,7 @@ fn parse_number(text: &str) -> Result<f64, String> {
 fn parse_window(text: &str) -> Result<Window, String> {
     let (from, to) = text.split_once('-').ok_or(format!("{text:?} is not of the form FROM-TO"))?;
     let window = Window { from_ms: parse_number(from)?, to_ms: parse_number(to)? };
-    window.check_range().map_err(|error| error.to_string())?;
+    window.check_range().map_err(|error| error.to_string().replace("from_ms", "FROM").replace("to_ms", "TO"))?;
     Ok(window)
 }
 
@@ -116,7 +116,7 @@ mod tests {
         {
             assert!(parse_additional_target(text).unwrap_err().contains(wanted), "{text}");
         }
-        assert!(parse_window("500-200").unwrap_err().contains("to_ms is 200"));
+        assert!(parse_window("500-200").unwrap_err().contains("TO is 200"));
         assert!(parse_circular_quiet_zone_and_its_limit("1,2:3").is_err());
     }
 }

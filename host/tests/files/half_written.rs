@@ -229,7 +229,8 @@ fn damaged_certificates_and_keys_are_reported_and_replaced() {
         assert!(checked.is_success(), "{number}: {}", checked.error);
         let (_, said) = serve(folder.path(), None, &["--tls-dir", "tls"]);
         assert!(
-            said.contains("makes a new certificate and a new key, and adds") && said.contains("another daemon listens"),
+            said.contains("makes a new certificate and a new key. Clients need")
+                && said.contains("another daemon listens"),
             "{number}: {said}"
         );
         for (name, old) in [("era-cert.pem", &damaged_certificate), ("era-key.pem", &damaged_key)] {

@@ -265,7 +265,7 @@ pub(crate) fn check_request_and_move_onto_surface(
     }
     if let Some(zone) = request.zone {
         if request.objective != Objective::Reach {
-            return Err(PlanError::Together { option: "zone", value: "given", allowed: "the objective reach" });
+            return Err(PlanError::Together { option: "zone", value: "given", allowed: "the objective `reach`" });
         }
         for (x_m, y_m) in zone.x_m.into_iter().zip(zone.y_m) {
             check_and_snap_coordinate_along_side("zone.x_mm", x_m, table.scene.surface.length_m)?;

@@ -34,7 +34,7 @@ struct ReplayedRequest {
 
 pub fn run_replay(options: &Replay) -> Outcome {
     let named = |error: &dyn std::fmt::Display| Failure::Usage(format!("{}: {error}", options.file.display()));
-    let bytes = std::fs::read(&options.file).map_err(|error| named(&error))?;
+    let bytes = std::fs::read(&options.file).map_err(|error| named(&format!("the file cannot be read: {error}")))?;
     refuse_utf16(&bytes).map_err(|error| named(&error))?;
     let recording = Recording::parse(&bytes).map_err(|error| named(&error))?;
     let daemon = &options.daemon;
