@@ -275,7 +275,7 @@ fn verdict_after_opening_files(descriptors: &[u32]) -> Option<String> {
     let (closed, asked, opened) = (path("closed"), path("asked"), path("opened"));
     let opens: String = descriptors.iter().map(|descriptor| format!(" {descriptor}</dev/null")).collect();
     let then = format!(
-        "exec 3<&- 4<&- 5<&- 6<&- 7<&- 8<&-; : >'{}'; while [ ! -e '{}' ]; do sleep 0.01; done; exec{opens}; : >'{}'; exec sleep 600",
+        "exec 3<&- 4<&- 5<&- 6<&- 7<&- 8<&-; touch '{}'; while [ ! -e '{}' ]; do sleep 0.01; done; exec{opens}; touch '{}'; exec sleep 600",
         closed.display(),
         asked.display(),
         opened.display()
@@ -283,7 +283,8 @@ fn verdict_after_opening_files(descriptors: &[u32]) -> Option<String> {
     let plan =
         make_daemon_setup(folder.path(), write_fake_daemon(folder.path(), "127.0.0.1:9".parse().unwrap(), &then));
     let daemon = Daemon::start(&plan).unwrap();
-    // What it was started with would be opened again, and not be more.
+    // What it was started with would be opened again, and not be more. `touch` is a process of its own: a redirection of
+    // the shell would hold two more descriptors at the moment its file appears.
     wait_until(WAIT, || closed.exists()).expect("it has closed what it was started with");
     let warm = daemon.read_memory_threads_and_handles();
     let (world, bench) = (SoakState::default(), Bench::new(path("board")).unwrap());
