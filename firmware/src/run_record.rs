@@ -65,13 +65,11 @@ pub fn read_run_record_of_previous_run() -> Option<KeptRun> {
     let records = record_places().map(|place| {
         // SAFETY: within the memory above; every bit pattern is a valid record, and nothing else accesses the memory at boot.
         let record = unsafe { place.read_volatile() };
-        (record.magic == MAGIC && record.check == record.compute_checksum()).then_some(record)
+        (record.magic == MAGIC && record.check == record.compute_checksum()).then_some(KeptRun {
+            is_live: record.is_live != 0,
+            is_measurement_distrusted: record.is_measurement_distrusted != 0,
+            credit_ms: record.credit_ms,
+        })
     });
-    let found =
-        records.into_iter().flatten().max_by_key(|record| (record.is_live, record.is_measurement_distrusted))?;
-    Some(KeptRun {
-        is_live: found.is_live != 0,
-        is_measurement_distrusted: found.is_measurement_distrusted != 0,
-        credit_ms: found.credit_ms,
-    })
+    KeptRun::choose_most_cautious_of_copies(records)
 }

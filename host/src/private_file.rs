@@ -25,10 +25,10 @@ pub fn read(path: &Path) -> Result<String, String> {
 /// # Errors
 /// As [`read`].
 pub fn read_bytes(path: &Path) -> Result<Vec<u8>, String> {
-    let mut file = open_without_waiting(path).map_err(|error| error.to_string())?;
+    let mut file = open_without_waiting(path).map_err(|error| format!("cannot read the file: {error}"))?;
     check_kind_owner_and_mode(path, &file)?;
     let mut bytes = Vec::new();
-    file.read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    file.read_to_end(&mut bytes).map_err(|error| format!("cannot read the file: {error}"))?;
     Ok(bytes)
 }
 

@@ -44,6 +44,14 @@ pub struct KeptRun {
     pub credit_ms: [u32; MAX_CHANNELS],
 }
 
+impl KeptRun {
+    /// The one that counts of the copies that memory has kept: the one that says live, then the one that distrusts.
+    #[must_use]
+    pub fn choose_most_cautious_of_copies(copies: [Option<Self>; 2]) -> Option<Self> {
+        copies.into_iter().flatten().max_by_key(|copy| (copy.is_live, copy.is_measurement_distrusted))
+    }
+}
+
 /// The hardware under the device logic.
 pub trait Board {
     /// Facts that do not change.
@@ -128,4 +136,24 @@ pub trait Board {
 
     /// Has the chip restart into its own bootloader a moment after this returns, so that the reply is still sent.
     fn request_bootloader_restart(&mut self);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_two_copies_of_a_run_the_one_that_warns_counts() {
+        let copy = |is_live, is_measurement_distrusted| {
+            Some(KeptRun { is_live, is_measurement_distrusted, credit_ms: [7; MAX_CHANNELS] })
+        };
+        let (harmless, distrusts, live) = (copy(false, false), copy(false, true), copy(true, false));
+        for (one, other, counts) in
+            [(harmless, live, live), (harmless, distrusts, distrusts), (distrusts, live, live), (None, harmless, harmless)]
+        {
+            assert_eq!(KeptRun::choose_most_cautious_of_copies([one, other]), counts);
+            assert_eq!(KeptRun::choose_most_cautious_of_copies([other, one]), counts);
+        }
+        assert_eq!(KeptRun::choose_most_cautious_of_copies([None, None]), None);
+    }
 }

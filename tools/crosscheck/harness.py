@@ -173,6 +173,8 @@ class Context:
     plant: str | None = None
     # Clicks are integrated from the pulses that this firmware image makes on the emulated board, if it is there.
     firmware: Path | None = None
+    # Whether the scene is one that the user has given, and not a random one.
+    is_given_scene: bool = False
     _panels: dict = field(default_factory=dict)
     _press: list | None = None
 

@@ -55,7 +55,7 @@ def _context(options, index, plant):
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "scene.toml").write_text(text, encoding="utf-8")
     program = harness.Program(str(options.era), folder / "scene.toml", folder)
-    return harness.Context(index, options.seed, f"{options.seed}-{index}", parse(text), table, program, folder, plant, options.elf)
+    return harness.Context(index, options.seed, f"{options.seed}-{index}", parse(text), table, program, folder, plant, options.elf, options.scene is not None)
 
 
 def _planter(plant):

@@ -3,7 +3,7 @@
 import os
 import unittest
 
-from chip import TIM3
+from chip import ADCAL, CR, TIM3
 from faults import Faults
 from machine import Machine
 
@@ -29,6 +29,12 @@ class BoardTestCase(unittest.TestCase):
         self.machine.clock_base += clocks
         self.machine.step_board()
         self.sim.run_for("100ns")
+
+    def calibrate(self, *converters):
+        for converter in converters:
+            self.sim.write_u32(converter + CR, ADCAL)
+        # 200 clocks of 170 MHz.
+        self.sim.run_for("2us")
 
     def timer(self, name):
         return self.machine.timers.permit_timer if name == "TIM16" else self.machine.timers.timers[name]

@@ -50,6 +50,7 @@ PIN_MODES = ("input", "output", "timer", "analog")
 JDR1, JSQR, SQR1, DR = 0x80, 0x4C, 0x30, 0x40
 # Where JSQ1 to JSQ4 and SQ1 to SQ4 are in these registers.
 JSQR_PLACES, SQR1_PLACES = (9, 15, 21, 27), (6, 12, 18, 24)
+CALFACT, ADCAL = 0xB4, 1 << 31
 CR, CFGR, CFGR2, ADSTART, CONT, ROVSE = 0x08, 0x0C, 0x10, 1 << 2, 1 << 13, 1 << 0
 # Where CFGR2.OVSR and OVSS are; bits of each SMPx in SMPR1.
 OVSR_SHIFT, OVSS_SHIFT, SMP_BITS = 2, 5, 3

@@ -1,7 +1,7 @@
 """Between the chip and the supply: what the chip's pins ask of the supply, and what its converter and comparators see."""
 
 from chip import (
-    ADC1, ADC2, ADC3, ADC4, ADSTART, CFGR, CFGR2, CLOCK_HZ, CONT, CONVERTER_CLOCKS, CONVERTING, CR, DAC1, DR, EOC_SET, FULL_SCALE_CODE,
+    ADC1, ADC2, ADC3, ADC4, ADSTART, CALFACT, CFGR, CFGR2, CLOCK_HZ, CONT, CONVERTER_CLOCKS, CONVERTING, CR, DAC1, DR, EOC_SET, FULL_SCALE_CODE,
     JDR1, JSQR, JSQR_PLACES, OVSR_SHIFT, OVSS_SHIFT, ROVSE, SAMPLING, SMP_BITS, SMPR1, SQR1, SQR1_PLACES, STARTED, STARTED_INJECTED,
     STARTED_REGULAR, SUPPLY_V, VREFINT_V, dac_code, dac_volts,
 )
@@ -19,6 +19,8 @@ AVERAGE_INPUT = 7
 PAUSE_CLOCKS = CLOCK_HZ // 2000
 # For so long the result of a sequence stays as it is, in clocks: the firmware has read it by then.
 READ_CLOCKS = CLOCK_HZ // 20_000
+# A converter that was not calibrated is off by its offset, in codes: as far as CALFACT_S, 7 bits with a sign, can correct (RM0440, section 21.4.8).
+UNCALIBRATED_CODES = 63
 # A wrong code differs by half of the scale.
 WRONG_BY = (FULL_SCALE_CODE + 1) // 2
 
@@ -114,7 +116,7 @@ class Sensing:
             return
         self.mean_began = now
         mean = self.supply.measured_current((now[1] - before) / ((clock - began) / CLOCK_HZ)) if channel == AVERAGE_INPUT else 0.0
-        code = self.convert(clamp(mean / AVERAGE_FULL_SCALE_A * SUPPLY_V), ratio * FULL_SCALE_CODE)
+        code = self.convert(ADC2, clamp(mean / AVERAGE_FULL_SCALE_A * SUPPLY_V), ratio)
         self.sim.write_u32(ADC2 + DR, code >> shift)
         self.sim.write_u32(ADC2 + EOC_SET, 1)
 
@@ -138,11 +140,13 @@ class Sensing:
         """What a conversion of an input gives."""
         # An input that nothing drives reads as nothing.
         volts = self.inputs[converter, channel]() if (converter, channel) in self.inputs else 0.0
-        return self.convert(volts, FULL_SCALE_CODE)
+        return self.convert(converter, volts, 1)
 
-    def convert(self, volts, full_scale):
-        """Every code is relative to the board's own supply."""
-        return min(round(volts / (SUPPLY_V * self.supply.reference) * full_scale), full_scale)
+    def convert(self, converter, volts, count):
+        """The sum of so many conversions. Every code is relative to the board's own supply."""
+        full_scale = count * FULL_SCALE_CODE
+        offset = 0 if self.sim.read_u32(converter + CALFACT) else count * UNCALIBRATED_CODES
+        return min(round(volts / (SUPPLY_V * self.supply.reference) * full_scale) + offset, full_scale)
 
     def set_points(self):
         """Codes of the two rail set-points, 0 to 4095."""

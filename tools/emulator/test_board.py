@@ -269,6 +269,7 @@ class BoardTest(BoardTestCase):
         self.assertFalse(cleared["TIM4"])
 
     def test_converter_and_rails(self):
+        self.calibrate(ADC1)
         self.give_permit()
         self.sim.write_u32(GPIO["C"], 0x0550_0050)
         self.sim.write_u32(GPIO["C"] + ODR, 0b11 << 2)
@@ -301,8 +302,17 @@ class BoardTest(BoardTestCase):
         self.assertEqual(self.sim.read_u32(ADC1) & 0x60, 0x60)
         self.assertEqual(self.sim.read_u32(ADC1 + 0x08) & 1 << 3, 0)
 
+    def test_a_converter_that_is_not_calibrated_is_off(self):
+        self.sim.write_u32(ADC1 + 0x4C, 5 << 15 | 5 << 9 | 1)
+        self.spend(1000)
+        before = self.sim.read_u32(ADC1 + JDR1 + 4)
+        self.calibrate(ADC1)
+        self.spend(1000)
+        self.assertEqual(before - self.sim.read_u32(ADC1 + JDR1 + 4), 63)
+
     def test_loops_have_levels(self):
         # ADC3 converts its input 5, ADC4 its input 4, twice each.
+        self.calibrate(ADC1, ADC3, ADC4)
         for converter, place in ((ADC3, 5), (ADC4, 4)):
             self.sim.write_u32(converter + 0x4C, place << 15 | place << 9 | 1)
         self.sim.write_u32(ADC1 + 0x4C, 5 << 15 | 5 << 9 | 1)
@@ -314,6 +324,7 @@ class BoardTest(BoardTestCase):
 
     def test_average_current_is_a_mean_of_64_conversions(self):
         """ADC2 at 42.5 MHz: 64 times 640.5 + 12.5 clocks are 0.983 ms."""
+        self.calibrate(ADC2)
         self.faults.inject({"average_ma": 0.5})
         for offset, value in ((0x14, 0b111 << 21), (0x0C, 1 << 13), (0x10, 2 << 5 | 0b101 << 2 | 1), (0x30, 7 << 6), (0x08, 1 << 2)):
             self.sim.write_u32(ADC2 + offset, value)

@@ -196,7 +196,7 @@ fn mistakes_are_named() {
     let cases: [(String, &[&str]); 11] = [
         (
             format!("thickness_mm = 2.1\n{two}"),
-            &["surface.thickness_mm is 2.1", "left out, or 2, the sum of the thicknesses of all [[layer]] tables"],
+            &["surface.thickness_mm is 2.1", "must be 2, the sum of the thicknesses of all [[layer]] tables, or be left out"],
         ),
         (format!("{surface}{two}"), &["surface.material is given", "left out, because every [[layer]]"]),
         (birch("angle_deg = 45"), &["layer[1].angle_deg is 45", "0 or 90"]),

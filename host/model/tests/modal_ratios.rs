@@ -118,7 +118,7 @@ fn a_wrong_table_is_told_with_what_is_allowed() {
             "{error}"
         );
     }
-    assert!(text("\"much\"").contains("a number 0 to 10"), "{}", text("\"much\""));
+    assert!(text("\"much\"").contains("a number from 0 to 10"), "{}", text("\"much\""));
 }
 
 fn bar_text_error(table: &str) -> String {

@@ -3,17 +3,19 @@
 use super::args_effect::EffectOptions;
 use super::effect_file::design_effect_file_for_panel_and_print;
 use super::panel::{
-    collect_plan_bounds, make_target_from_at_option, prepare_table_with_scene_finger_if_any_at_places,
+    collect_plan_bounds, load_or_compute_plan_table, make_target_from_at_option, prepare_table_with_scene_finger_if_any_at_places,
     tell_missing_or_exceeded_plan_bounds,
 };
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{
-    self, DesignError, EffectRequest, Intensity, design_effect_of_windows_if_click_else_of_drives, intensity,
+    self, DesignError, EffectDesign, EffectRequest, EffectWindow, Intensity, design_effect_of_windows_if_click_else_of_drives, intensity,
     plan_request_with_intensity_for_targets_without_one,
 };
 use crate::model::Bound;
-use crate::planner::Request;
-use crate::planner::click::ClickOptions;
+use crate::scene::Scene;
+use crate::planner::{Request, STANDARD_GRAVITY, Target};
+use crate::planner::click::measures::{ClickMeasures, measure_click};
+use crate::planner::click::{ClickOptions, ClickWindow, simulate_felt_acceleration_of_windows_m_per_s2};
 use crate::planner::rise::PanelPoles;
 use serde_json::json;
 use std::fmt::Write;
@@ -62,6 +64,10 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
     let design = design_effect_of_windows_if_click_else_of_drives(&table, &rise, &plan, request, click)
         .map_err(Failure::runtime_error)?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
+    let without_finger = match scene.finger {
+        Some(_) => measure_click_on_panel_without_finger_if_of_windows(options, &scene, target, &design)?,
+        None => None,
+    };
     let shape = intensity::mode_shape_values_at_point_or_on_bar_axis(&table, target.x_m, target.y_m);
     let drives = intensity::list_switched_forces_of_plan(&table, &plan);
     let accuracy = options.panel.accuracy()?;
@@ -81,6 +87,13 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
         // The same as the daemon says it.
         answer["times"] = json!(crate::planner::report::compute_rise_and_decay_times_at_first_target(&table, &plan));
         answer["plan_level_db"] = json!(level_db);
+        if let Some(own) = without_finger {
+            let quiet_ms = own.quiet_s.map(|quiet_s| 1e3 * quiet_s);
+            answer["without_finger"] = json!({
+                "peak_g": own.peak / STANDARD_GRAVITY, "peak_at_ms": 1e3 * own.peak_s, "quiet_ms": quiet_ms,
+                "crisp": click.is_motion_crisp(&own)
+            });
+        }
         return print_json(&answer);
     }
     let predicted = design.predicted;
@@ -115,8 +128,8 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
     if let Some(best_g) = predicted.best_possible_g {
         let _ = write!(
             text,
-            "\nstrongest crisp click with free forces (for 30 ms, each up to that of an electrode with the mass at rest): \
-             {best_g:.3} g"
+            "\nlargest possible peak of a crisp click (with any forces for 30 ms, each at most the force of an electrode on \
+             a mass at rest): {best_g:.3} g"
         );
     }
     if let (Some(pulse_ms), Some(ratio)) = (predicted.pulse_ms, predicted.pulse_to_ring_db) {
@@ -147,6 +160,16 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
     if let Some(unbraked) = predicted.quiet_unbraked_ms {
         let _ = write!(text, " (without the braking part of the effect: {})", ms(Some(unbraked)));
     }
+    if let Some(own) = without_finger {
+        let crisp = if click.is_motion_crisp(&own) { "crisp" } else { "not crisp" };
+        let quiet = own.quiet_s.map_or_else(|| "for more than 850 ms".to_owned(), |s| format!("until {:.1} ms", 1e3 * s));
+        let peak_g = own.peak / STANDARD_GRAVITY;
+        let _ = write!(
+            text,
+            "\nthe same windows without the finger: peak {peak_g:.3} g {:.1} ms after the start, vibration {quiet} ({crisp})",
+            1e3 * own.peak_s
+        );
+    }
     if predicted.crisp == Some(false) {
         let crisp_ms = request.crisp_ms.unwrap_or(1e3 * ClickOptions::default().crisp_s);
         let _ = write!(
@@ -160,4 +183,22 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
         let _ = write!(text, "\nlimited by {limit}");
     }
     print_text(&text)
+}
+
+/// What the windows of a click do at the target when no finger is there: the daemon drives a panel whose finger may lift at any time.
+fn measure_click_on_panel_without_finger_if_of_windows(
+    options: &EffectOptions,
+    scene: &Scene,
+    target: Target,
+    design: &EffectDesign,
+) -> Result<Option<ClickMeasures>, Failure> {
+    if design.windows.is_empty() {
+        return Ok(None);
+    }
+    let table = load_or_compute_plan_table(&options.panel, options.keep, scene)?;
+    let Some(poles) = table.panel_poles() else { return Ok(None) };
+    let windows: Vec<ClickWindow> = design.windows.iter().map(EffectWindow::to_click_window).collect();
+    let shapes = [intensity::mode_shape_values_at_point_or_on_bar_axis(&table, target.x_m, target.y_m)];
+    let motion = simulate_felt_acceleration_of_windows_m_per_s2(&table, poles, &shapes, &windows);
+    Ok(motion.first().map(|motion| measure_click(motion)))
 }

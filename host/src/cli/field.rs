@@ -59,7 +59,7 @@ pub fn run_field(options: &Field) -> Outcome {
     }
     if let (Some(bound), false) = (bound.limit_if_known(), options.json) {
         tell!(
-            "each value is accurate to within {bound:.0e} times the largest peak on the surface (error bound of the model)"
+            "the error of each value is at most {bound:.0e} times the largest peak on the surface (error bound of the model)"
         );
     }
     let to_output = options.csv.as_ref().is_some_and(|path| path.as_os_str() == "-");

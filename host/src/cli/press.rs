@@ -48,7 +48,7 @@ fn describe_missing_press_error_bounds_by_reason(table: &PlanTable) -> Vec<Strin
 
 fn format_press_travel_per_actuator(table: &PlanTable) -> String {
     let mut text = format!(
-        "{}: effect of a press of {} N; each row is for a press at the point where it moves the mass of the actuator furthest\n\
+        "{}: effect of a press of {} N, for each actuator at the point where the press moves its mass furthest\n\
          \x20actuator       x, y in mm      alone   error at most      sag   error at most  end stop        \
          remaining gap safe up to\n",
         table.scene.name, table.scene.press_n

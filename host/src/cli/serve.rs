@@ -24,7 +24,7 @@ use tokio::net::TcpListener;
 /// Name of the daemon's socket in the user's folder for such.
 const SOCKET: &str = "era.sock";
 /// What can be recorded to.
-const NEW_RECORD: &str = "name a new file in a folder that exists; or end the name with a slash: it is then a folder in which each start of the daemon makes a new file";
+const NEW_RECORD: &str = "Give a new file in a folder that exists; or give a folder with a slash at its end, in which each start of the daemon makes a new file";
 /// Where the first plan is tried, in parts of the way to the screen's middle.
 const DIAGONAL: [f64; 6] = [1.0, 0.8, 1.2, 0.6, 1.4, 0.4];
 
@@ -285,7 +285,7 @@ pub fn find_start_mistakes(options: &Serve) -> Vec<(&'static str, String)> {
 fn advise_on_record_error(error: &std::io::Error) -> String {
     use std::io::ErrorKind::{AlreadyExists, IsADirectory, NotADirectory, NotFound};
     match error.kind() {
-        AlreadyExists | IsADirectory | NotADirectory | NotFound => format!("; {NEW_RECORD}"),
+        AlreadyExists | IsADirectory | NotADirectory | NotFound => format!(". {NEW_RECORD}"),
         _ => String::new(),
     }
 }
@@ -299,11 +299,11 @@ fn find_record_path_mistake(path: &Path) -> Option<String> {
     let shown = path.display();
     if path.exists() && !era_files::has_no_records(path) {
         return Some(format!(
-            "`record` is {shown}, but this file already exists, and a recording never replaces a file: {NEW_RECORD}"
+            "`record` is {shown}, but this file already exists, and a recording never replaces a file. {NEW_RECORD}"
         ));
     }
     let lacking = folder.filter(|folder| !folder.is_dir())?;
-    Some(format!("`record` is {shown}, but there is no folder {}: {NEW_RECORD}", lacking.display()))
+    Some(format!("`record` is {shown}, but the folder {} does not exist. {NEW_RECORD}", lacking.display()))
 }
 
 /// Where to listen: the ports that there are, with TLS where that is wanted, and the socket in the file system.

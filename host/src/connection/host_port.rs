@@ -62,7 +62,7 @@ impl HostPort {
                 .to_vec());
         }
         let unknown = |why: String| {
-            io::Error::new(io::ErrorKind::NotFound, format!("the name {} has no IP address: {why}", self.host))
+            io::Error::new(io::ErrorKind::NotFound, format!("the name {} has no IP address ({why})", self.host))
         };
         let found: Vec<SocketAddr> =
             (self.host.as_str(), self.port).to_socket_addrs().map_err(|error| unknown(error.to_string()))?.collect();

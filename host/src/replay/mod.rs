@@ -102,6 +102,16 @@ struct RecordingLine {
     problem: Option<Value>,
 }
 
+/// What keeps a text from being a line of a recording. The line is told before, and of a key that is missing no column.
+fn describe_json_mistake(error: &serde_json::Error) -> String {
+    let message = error.to_string();
+    let what = message.split_once(" at line ").map_or(message.as_str(), |(what, _)| what);
+    match what.strip_prefix("missing field `").and_then(|rest| rest.strip_suffix('`')) {
+        Some(key) => format!("the line has no key {key:?}"),
+        None => format!("column {}: this is not a line of a recording: {what}", error.column()),
+    }
+}
+
 impl Recording {
     /// Reads a recording's lines. What is behind the last whole line is left out if it cannot be read: with the machine's power a line is cut
     /// off, even within a letter, and many file systems fill up with zeros what never came onto the disk.
@@ -117,7 +127,7 @@ impl Recording {
             let line: RecordingLine = match serde_json::from_slice(text.trim_ascii_end()) {
                 Ok(line) => line,
                 Err(_) if is_rest => break,
-                Err(error) => return Err(wrong(format!("not a line of a recording: {error}"))),
+                Err(error) => return Err(wrong(describe_json_mistake(&error))),
             };
             let at = Duration::try_from_secs_f64(line.at_ms / 1e3)
                 .map_err(|_| wrong(format!("at_ms is {}, but must be 0 or more", line.at_ms)))?;

@@ -350,11 +350,13 @@ fn no_effect_goes_beyond_the_actuators_limits() {
 
 /// What rests on a touched place of every second panel below.
 const FINGER: &str = "\n[finger]\nmass_g = 8.0\ndamping_n_s_per_m = 2.0\nstiffness_n_per_m = 800.0\n";
+/// How long rails have to rise for a push, in us.
+const RISE_US: u64 = 10_000;
 /// From the start of one burst to the next, in us: a slider with 17 detents a second.
 const NEXT_BURST_US: u64 = 60_000;
 
-/// Plays clicks in quick succession, each as weak as what is left of those before makes it.
-fn play_bursts_in_quick_succession(bench: &mut Bench, table: &PlanTable, designs: &[&EffectDesign], name: &str) {
+/// Plays clicks in quick succession, bursts of windows and pushes, each as weak as what is left of those before makes it.
+fn play_effects_in_quick_succession(bench: &mut Bench, table: &PlanTable, designs: &[&EffectDesign], name: &str) {
     arm_device(bench, 300_000);
     let predict =
         |design: &EffectDesign| design.predict_travel_and_free_motion_of_effect_if_poles_known(table).unwrap();
@@ -367,9 +369,7 @@ fn play_bursts_in_quick_succession(bench: &mut Bench, table: &PlanTable, designs
         let weaken = |part: f64| Ok::<_, ()>(design.weaken(part));
         let (part, fitting) = find_fraction_and_plan_within_headroom((*design).clone(), weaken, headroom).unwrap();
         if part > 0.0 {
-            let windows = WindowSequence { number, start_us: 0, ..windows_to_wire(&fitting.windows) };
-            let reply = bench.send_request(&Request::PlayWindows(windows));
-            let Ok(Reply::WindowsPlaying { start_us }) = reply else { panic!("{name}, burst {number}: {reply:?}") };
+            let start_us = start_effect_soon(bench, &fitting, number, name);
             let until_s = start_us as f64 * 1e-6 + 1e-3 * fitting.length_ms;
             let id = u64::from(number);
             residual.record_drives_that_begin_in_place_of_others(
@@ -382,9 +382,29 @@ fn play_bursts_in_quick_succession(bench: &mut Bench, table: &PlanTable, designs
             );
             bench.run_until_us(start_us).unwrap();
         }
-        bench.run_until_us(bench.time_us() + NEXT_BURST_US).unwrap();
+        let length_us = (1e3 * fitting.length_ms) as u64;
+        bench.run_until_us(bench.time_us() + length_us.max(NEXT_BURST_US)).unwrap();
     }
     bench.run_until_us(bench.time_us() + 100_000).unwrap();
+}
+
+/// Starts an effect of either kind as soon as the board can; when that is, in us.
+fn start_effect_soon(bench: &mut Bench, design: &EffectDesign, number: u32, name: &str) -> u64 {
+    if !design.windows.is_empty() {
+        let windows = WindowSequence { number, start_us: 0, ..windows_to_wire(&design.windows) };
+        let reply = bench.send_request(&Request::PlayWindows(windows));
+        let Ok(Reply::WindowsPlaying { start_us }) = reply else { panic!("{name}, effect {number}: {reply:?}") };
+        return start_us;
+    }
+    let drives = design.drives_with_board_channels().iter().map(drive_to_wire).collect();
+    let prepared = bench.send_request(&Request::Prepare { drives });
+    assert!(matches!(prepared, Ok(Reply::Prepared { .. })), "{name}, effect {number}: {prepared:?}");
+    let start_us = bench.time_us() + RISE_US;
+    for (channel, drive) in (0..).zip(&design.drives) {
+        let request = Request::Play { channel, start_us, effect: drive.effect.clone() };
+        assert_eq!(bench.send_request(&request).unwrap(), Reply::Playing, "{name}, effect {number}");
+    }
+    start_us
 }
 
 /// With a bias, whose softening is in the springs of the model, an effect's forces are not softened twice: its travel, of which 0.92 may be used, is
@@ -413,8 +433,8 @@ fn the_travel_of_an_effect_with_a_bias_is_that_of_the_device() {
     }
 }
 
-/// Random panels, with and without fingers, places, strengths and effects, from far too weak to far too strong, for one, two and three fingers, clicks
-/// in quick succession, the same three times or up to six of other places and strengths: on the simulated device, which integrates with gaps as they move, no mass goes beyond a third of its gap.
+/// Random panels, with and without fingers, places, strengths and effects, from far too weak to far too strong, for one, two and three fingers, bursts
+/// and pushes in quick succession, the same three times or up to six of other places and strengths: on the simulated device, which integrates with gaps as they move, no mass goes beyond a third of its gap.
 /// `ERA_CASES=2000 cargo test --release -p era-host --test panels effects::the_travel_of_random -- --nocapture` tries many more.
 #[test]
 fn the_travel_of_random_effects_stays_within_a_third_of_the_gap() {
@@ -429,7 +449,7 @@ fn the_travel_of_random_effects_stays_within_a_third_of_the_gap() {
         NamedEffect::Texture,
     ];
     let (mut tried, mut bursts, mut for_several, mut near, mut furthest) = (0_u32, 0_u32, 0_u32, 0_u32, 0.0_f64);
-    let mut mixed = 0_u32;
+    let (mut mixed, mut pushes) = (0_u32, 0_u32);
     for number in 0..u64::from(4 * wanted) {
         let with_fingers = number % 2 == 1;
         let text = random_scene_text(31, number) + if with_fingers { FINGER } else { "" };
@@ -472,16 +492,17 @@ fn the_travel_of_random_effects_stays_within_a_third_of_the_gap() {
             let mut bench = make_bench(&table, &targets[0]);
             let fingers = targets.len();
             let name = format!("panel {number}, case {case}, {:?} of {g} g, {fingers} fingers", request.effect);
-            if design.windows.is_empty() {
+            if earlier.is_empty() && design.windows.is_empty() {
                 let effects: Vec<Effect> = design.drives.iter().map(|drive| drive.effect.clone()).collect();
                 play_effects(&mut bench, &design, &effects, 400_000);
             } else {
+                pushes += u32::from(design.windows.is_empty());
                 let others = earlier.iter().flat_map(|earlier| [earlier, &design]).take(6);
                 let mixture: Vec<&EffectDesign> = others.collect();
                 mixed += u32::from(!mixture.is_empty());
                 let designs = if mixture.is_empty() { vec![&design; 3] } else { mixture };
-                play_bursts_in_quick_succession(&mut bench, &table, &designs, &name);
-                bursts += 1;
+                play_effects_in_quick_succession(&mut bench, &table, &designs, &name);
+                bursts += u32::from(!design.windows.is_empty());
                 for_several += u32::from(fingers > 1);
             }
             let travels = bench.panel_mut().take_largest_travels_since_last_call();
@@ -493,17 +514,15 @@ fn the_travel_of_random_effects_stays_within_a_third_of_the_gap() {
             let is_near = |(travel, own): (&LargestTravel, &Electrodes)| travel.travel_m > own.gap_m / 6.0;
             near += u32::from(travels.iter().zip(&table.electrodes).any(is_near));
             tried += 1;
-            if !design.windows.is_empty() {
-                earlier.push(design);
-            }
+            earlier.push(design);
             if tried == wanted {
                 println!(
-                    "{tried} effects, {bursts} of them bursts of windows, of which {for_several} for several fingers and {mixed} between others: \
-                     {furthest:.3} of the gap at most, {near} beyond a sixth"
+                    "{tried} effects: {bursts} bursts of windows and {pushes} pushes in quick succession, {for_several} for several fingers, \
+                     {mixed} between others: {furthest:.3} of the gap at most, {near} beyond a sixth"
                 );
                 assert!(
-                    bursts > wanted / 5 && for_several > 0 && mixed > 0 && near > 0,
-                    "{bursts} {for_several} {mixed} {near}"
+                    bursts > wanted / 5 && pushes > wanted / 5 && for_several > 0 && mixed > 0 && near > 0,
+                    "{bursts} {pushes} {for_several} {mixed} {near}"
                 );
                 return;
             }

@@ -115,12 +115,12 @@ fn another_version_is_said_once() {
 fn what_is_missing_is_named() {
     assert!(
         mistake("youngs_modulus_pa = 69e9", "")
-            .contains("surface.material.youngs_modulus_pa is missing, but must be a number 1 to 1e18")
+            .contains("surface.material.youngs_modulus_pa is missing, but must be a number from 1 to 1e18")
     );
     assert!(mistake("id = \"left\"", "").contains("actuator[1].id is missing"));
     assert!(mistake("version = 1", "").contains("version is missing"));
     let said = Scene::parse("empty.toml", "").unwrap_err().to_string();
-    assert!(said.contains("surface is missing, but must be a table [surface]"), "{said}");
+    assert!(said.contains("surface is missing, but must be a table, written [surface]"), "{said}");
 }
 
 #[test]

@@ -216,3 +216,26 @@ fn weaker_effects_are_told_as_weak_as_they_are() {
         }
     }
 }
+
+/// What the windows of a click do when no finger is there: of a finger that weighs nothing what they do with it, and of a heavy one, whose click is designed
+/// for the panel with it, something else. A scene without a finger has no such figures.
+#[test]
+fn a_click_is_told_with_and_without_the_finger() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.toml");
+    let case = Case { scene: String::new(), at_px: [960.0, 640.0], intensity_g: 0.3, limit: None };
+    let click = |finger: &str| {
+        std::fs::write(&path, STARTING_PLATE.to_owned() + finger).unwrap();
+        oracle(&path, &case, "click")
+    };
+    assert!(click("")["without_finger"].is_null());
+    let light = click("\n[finger]\nmass_g = 1e-6\ndamping_n_s_per_m = 0.0\nstiffness_n_per_m = 0.0\n");
+    for key in ["peak_g", "peak_at_ms", "quiet_ms"] {
+        let (with, without) = (number(&light["predicted"][key]), number(&light["without_finger"][key]));
+        assert!((with - without).abs() < 1e-3 * with, "{key}: {with} with, {without} without");
+    }
+    assert_eq!(light["without_finger"]["crisp"], light["predicted"]["crisp"]);
+    let heavy = click("\n[finger]\nmass_g = 20.0\ndamping_n_s_per_m = 2.0\nstiffness_n_per_m = 800.0\n");
+    let (with, without) = (number(&heavy["predicted"]["peak_g"]), number(&heavy["without_finger"]["peak_g"]));
+    assert!((with - without).abs() > 0.05 * with, "{with} with, {without} without");
+}

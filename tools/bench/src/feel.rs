@@ -204,6 +204,7 @@ fn build_table_of_pairs() -> Result<Table, Error> {
             "0.4 g or more at both",
             "peak of the weaker (median)",
             "least peak of the weaker finger",
+            "contrast (median)",
             "time (median, longest)",
         ],
     );
@@ -238,6 +239,8 @@ fn build_row_of_pairs(name: &str, clicked: &[(Option<ClickDesign>, f64)]) -> Vec
     let weaker_g = |click: &ClickDesign| click.peaks.iter().copied().fold(f64::INFINITY, f64::min) / STANDARD_GRAVITY;
     let peaks_g: Vec<f64> = clicked.iter().map(|(click, _)| click.as_ref().map_or(0.0, weaker_g)).collect();
     let times_ms: Vec<f64> = clicked.iter().map(|(_, took_ms)| *took_ms).collect();
+    let contrast_db = |(click, _): &(Option<ClickDesign>, f64)| Some(click.as_ref()?.surface?.contrast_db);
+    let contrasts_db: Vec<f64> = clicked.iter().filter_map(contrast_db).collect();
     vec![
         name.to_owned(),
         clicked.len().to_string(),
@@ -245,6 +248,7 @@ fn build_row_of_pairs(name: &str, clicked: &[(Option<ClickDesign>, f64)]) -> Vec
         share_where(&|click| weaker_g(click) >= 0.8 * ASKED_G),
         format!("{:.2} g", compute_median(peaks_g.clone())),
         format!("{:.2} g", peaks_g.iter().copied().fold(f64::INFINITY, f64::min)),
+        format!("{:.1} dB", compute_median(contrasts_db)),
         format!("{:.1} ms, {:.1} ms", compute_median(times_ms.clone()), times_ms.iter().copied().fold(0.0, f64::max)),
     ]
 }

@@ -48,6 +48,8 @@ PEAK, QUIET = 0.025, 0.035
 DECIBEL, STILL_MOVING = 0.3, 0.01
 # Columns and rows of the places whose motion is the surface's, and the velocity of 0 dB in m/s.
 GRID, REFERENCE_M_PER_S = (6, 4), 1e-3
+# Columns and rows of places of a scene that was given, and the step from one to the next: without a common divisor with 96 or 12.
+CELLS, STRIDE = (12, 8), 41
 # A place that the strongest click moves by less, in g, may be without one: bounds of the gaps may forbid all voltage.
 MOVABLE_G = 0.02
 # What moves less, in g, is hardly felt, and what modes above the band do counts for much of it.
@@ -69,11 +71,14 @@ def felt(records, step):
 
 
 def run(context):
-    """One click at a random point."""
+    """One click: at a random point of a random scene, or of a scene that was given one of a grid, with 0.5 g as in docs/src/effects.md."""
     rng, name, scene = context.rng("clicks"), context.name, context.scene
-    point = context.random_point(rng)
-    # Some ask for more than anything can make: what comes is as strong as it can be.
-    strength = 1000.0 if rng.random() < 0.2 else float(np.exp(rng.uniform(np.log(0.05), np.log(2))))
+    if context.is_given_scene:
+        point, strength = place_of_grid(scene, context.index), 0.5
+    else:
+        point = context.random_point(rng)
+        # Some ask for more than anything can make: what comes is as strong as it can be.
+        strength = 1000.0 if rng.random() < 0.2 else float(np.exp(rng.uniform(np.log(0.05), np.log(2))))
     where = f"at {point[0] * 1e3:.4g},{point[1] * 1e3:.4g} mm, {strength:.3g} g"
     at = f"{point[0] * 1e3!r},{point[1] * 1e3!r}"
     try:
@@ -101,6 +106,14 @@ def run(context):
         results.append(_compare_with_planned(context, system, windows, played, where))
         windows = played
     return results + _motion(context, system, windows, predicted, where)
+
+
+def place_of_grid(scene, index):
+    """The middle of a cell in m; 96 indices in a row take every cell of a plate's once, and a few of them cells far from each other."""
+    columns, rows = CELLS[0], 1 if scene.is_bar else CELLS[1]
+    middles = [((i + 0.5) / columns * scene.length, (j + 0.5) / rows * scene.width) for j in range(rows) for i in range(columns)]
+    there = [place for place in middles if not scene.in_cutout(*place)]
+    return there[index * STRIDE % len(there)]
 
 
 def _play_on_firmware(elf, windows):

@@ -102,7 +102,7 @@ pub(super) fn report_conflicting_keys_and_sum_layer_thickness_m(surface: &TomlSe
     let own_mm = surface.read_optional_number_or_nan("thickness_mm", thickness_m * 1e3, THICKNESS_MM);
     if (own_mm / 1e3 - thickness_m).abs() > SAME_THICKNESS * thickness_m {
         let allowed = format!(
-            "left out, or {}, the sum of the thicknesses of all [[layer]] tables",
+            "{}, the sum of the thicknesses of all [[layer]] tables, or be left out",
             super::place::metres_to_mm_rounded_to_9_decimals(thickness_m)
         );
         surface.report_wrong_value("thickness_mm", own_mm.to_string(), &allowed);

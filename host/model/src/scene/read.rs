@@ -175,6 +175,17 @@ impl AllowedNumbers {
                 AllowedNumbers::Between(min, max) => value > min && value < max,
             }
     }
+
+    /// What must be there, as a noun: `a number from 1 to 10`.
+    fn describe_number(self) -> String {
+        match self {
+            AllowedNumbers::Within(min, max) if min.total_cmp(&max).is_eq() => format!("the number {self}"),
+            AllowedNumbers::Within(..) | AllowedNumbers::Along(..) => format!("a number from {self}"),
+            AllowedNumbers::Positive | AllowedNumbers::NotNegative | AllowedNumbers::Between(..) => {
+                format!("a number {self}")
+            }
+        }
+    }
 }
 
 impl fmt::Display for AllowedNumbers {
@@ -188,6 +199,13 @@ impl fmt::Display for AllowedNumbers {
             AllowedNumbers::Between(min, max) => write!(f, "between {min} and {max}, both excluded"),
         }
     }
+}
+
+/// A table that must be there, with the line that begins it: `layer[2].material` begins with `[layer.material]`.
+fn describe_table_as_written(path: &str) -> String {
+    let Some((list, rest)) = path.split_once('[') else { return format!("a table, written [{path}]") };
+    let key = rest.split_once(']').map_or(rest, |(_, key)| key);
+    format!("a table, written [{list}{key}] below its [[{list}]]")
 }
 
 /// A number as people write it: 10000 and 0.001, but 1e20.
@@ -274,7 +292,7 @@ impl<'r, 't> TomlSection<'r, 't> {
     /// A number, required. `NaN` stands in for a wrong one, so that reading goes on.
     pub fn read_required_number_or_nan(&self, key: &'static str, allowed: AllowedNumbers) -> f64 {
         if self.value_of_key_marking_known(key).is_none() {
-            self.report_missing_key(key, &format!("a number {allowed}"));
+            self.report_missing_key(key, &allowed.describe_number());
             return f64::NAN;
         }
         self.read_optional_number_or_nan(key, f64::NAN, allowed)
@@ -284,7 +302,7 @@ impl<'r, 't> TomlSection<'r, 't> {
     pub fn read_optional_number_or_nan(&self, key: &'static str, default: f64, allowed: AllowedNumbers) -> f64 {
         let Some(value) = self.value_of_key_marking_known(key) else { return default };
         let Some(number) = parse_number_value(value) else {
-            self.report_wrong_type(key, value, &format!("a number {allowed}"));
+            self.report_wrong_type(key, value, &allowed.describe_number());
             return f64::NAN;
         };
         if allowed.contains_number(number) {
@@ -426,7 +444,7 @@ impl<'r, 't> TomlSection<'r, 't> {
     /// A table that must be there.
     pub fn read_required_table(&self, key: &'static str) -> Option<TomlSection<'r, 't>> {
         if !self.table.contains_key(key) {
-            self.report_missing_key(key, &format!("a table [{}]", self.key_with_path(key)));
+            self.report_missing_key(key, &describe_table_as_written(&self.key_with_path(key)));
         }
         self.read_table_if_given_and_a_table(key)
     }

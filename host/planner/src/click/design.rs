@@ -2,7 +2,7 @@
 
 use super::actuator::ClickActuator;
 use super::bound::bound_crisp_click_peak_if_solved_m_per_s2;
-use super::designer::{ClickDesigner, SLOT_SAMPLES};
+use super::designer::{BuiltClick, ClickDesigner, SLOT_SAMPLES};
 use super::felt::{FINE_RECORD, felt_motion_from_means, motion_below_1_khz_from_means};
 use super::measures::{ClickMeasures, measure_click};
 use super::motion::simulate_windows;
@@ -61,7 +61,8 @@ impl ClickDesign {
 }
 
 /// Designs the windows of a click for the places whose mode shapes are `shapes`, with the peak of each in m/s^2 in `wishes`. All peaks come at the
-/// same time and in the same proportion to their wishes, each in the direction with which the weakest is strongest. `None` if a programme does not
+/// same time and in the same proportion to their wishes. Of several places, each peak is in the direction with which the surface moves least
+/// elsewhere or, if the wish is not reached with any, the weakest peak is strongest. `None` if a programme does not
 /// end, or several places have no common click: one of them wants none, or the actuators do not move it.
 #[must_use]
 pub fn design_click_windows(
@@ -87,27 +88,12 @@ pub fn design_click_windows(
     let targets =
         panels.iter().zip(factors).map(|(panels, factor)| TargetResponses { panels, factor, besides: &[] }).collect();
     let mut designer = ClickDesigner { table, poles, shapes, targets, actuators: &actuators, options };
-    if has_several {
-        choose_peak_signs_for_largest_common_crisp_peak(&mut designer);
-    }
-    let mut part = 1.0;
-    let mut travel_limit = None;
-    let mut built = designer.design_click_for_peak_or_best_weaker_if_solved(asked)?;
-    for _ in 0..WEAKENED {
-        let Some((actuator, excess)) = designer.find_actuator_and_ratio_of_largest_travel_beyond_limit(&built.motion)
-        else {
-            break;
-        };
-        travel_limit = Some(actuator);
-        part *= (0.97 / excess).min(0.97);
-        built = designer.design_click_for_peak_or_best_weaker_if_solved(asked * part)?;
-    }
-    if let Some((_, excess)) = designer.find_actuator_and_ratio_of_largest_travel_beyond_limit(&built.motion) {
-        built = designer.scale_force_of_built_click(&built, 0.9 / excess);
-    }
-    if options.force_fraction < 1.0 {
-        built = designer.scale_force_of_built_click(&built, options.force_fraction);
-    }
+    let target = residues.first()?;
+    let (built, travel_limit) = if has_several {
+        build_click_of_peak_signs_that_move_surface_least(&mut designer, target, wishes)?
+    } else {
+        build_click_within_travel_and_get_limiting_actuator(&designer, asked)?
+    };
     if has_several && built.windows.is_empty() {
         return None;
     }
@@ -154,9 +140,7 @@ pub fn design_click_windows(
     let mut windows = built.windows;
     windows.iter_mut().for_each(|window| window.begin_s += LEAD_S);
     windows.sort_by(|a, b| a.begin_s.total_cmp(&b.begin_s));
-    let surface = residues.first().and_then(|target| {
-        compute_click_sound_and_contrast_db_if_anything_moves(table, poles, target, &built.motion.forces_n)
-    });
+    let surface = compute_click_sound_and_contrast_db_if_anything_moves(table, poles, target, &built.motion.forces_n);
     Some(ClickDesign {
         windows,
         measures,
@@ -173,22 +157,88 @@ pub fn design_click_windows(
     })
 }
 
-/// Chooses the directions of the peaks at all targets but the first, of which a finger feels nothing: those of the largest crisp peak.
-fn choose_peak_signs_for_largest_common_crisp_peak(designer: &mut ClickDesigner) {
+/// The click for the first wish, weakened until no mass goes too far, and the actuator that it was weakened for.
+fn build_click_within_travel_and_get_limiting_actuator(
+    designer: &ClickDesigner,
+    asked: f64,
+) -> Option<(BuiltClick, Option<usize>)> {
+    let mut part = 1.0;
+    let mut travel_limit = None;
+    let mut built = designer.design_click_for_peak_or_best_weaker_if_solved(asked)?;
+    for _ in 0..WEAKENED {
+        let Some((actuator, excess)) = designer.find_actuator_and_ratio_of_largest_travel_beyond_limit(&built.motion)
+        else {
+            break;
+        };
+        travel_limit = Some(actuator);
+        part *= (0.97 / excess).min(0.97);
+        built = designer.design_click_for_peak_or_best_weaker_if_solved(asked * part)?;
+    }
+    if let Some((_, excess)) = designer.find_actuator_and_ratio_of_largest_travel_beyond_limit(&built.motion) {
+        built = designer.scale_force_of_built_click(&built, 0.9 / excess);
+    }
+    if designer.options.force_fraction < 1.0 {
+        built = designer.scale_force_of_built_click(&built, designer.options.force_fraction);
+    }
+    Some((built, travel_limit))
+}
+
+/// The click for several targets. Fingers do not feel the directions of peaks: of those with which the wishes are reached, the ones that move the
+/// surface least relative to `target`, the first.
+fn build_click_of_peak_signs_that_move_surface_least(
+    designer: &mut ClickDesigner,
+    target: &PointResidues,
+    wishes: &[f64],
+) -> Option<(BuiltClick, Option<usize>)> {
+    let asked = *wishes.first()?;
+    let mut best = None;
+    for factors in list_factors_of_peak_signs_that_reach_wish_or_largest_peak(designer, asked) {
+        designer.set_factors_of_targets(&factors);
+        let Some((built, travel_limit)) = build_click_within_travel_and_get_limiting_actuator(designer, asked) else {
+            continue;
+        };
+        let measures = built.motion.mean_acceleration.iter().map(|means| measure_click(&felt_motion_from_means(means)));
+        let is_good = |(own, wish): (ClickMeasures, &f64)| {
+            own.peak >= REACHED * wish && designer.options.is_motion_crisp(&own.shift_times_to_count_from_burst_start())
+        };
+        let is_good = measures.zip(wishes).all(is_good);
+        let surface = compute_click_sound_and_contrast_db_if_anything_moves(
+            designer.table,
+            designer.poles,
+            target,
+            &built.motion.forces_n,
+        );
+        let rank = (is_good, surface.map_or(f64::NEG_INFINITY, |surface| surface.contrast_db));
+        if best.as_ref().is_none_or(|(least, _)| rank > *least) {
+            best = Some((rank, (built, travel_limit)));
+        }
+    }
+    best.map(|(_, found)| found)
+}
+
+/// What targets' accelerations are multiplied by, for each choice of the directions of all peaks but the first with which a crisp click may have
+/// the peak that is asked for; if there is none, for that of the largest crisp peak.
+fn list_factors_of_peak_signs_that_reach_wish_or_largest_peak(
+    designer: &mut ClickDesigner,
+    asked: f64,
+) -> Vec<Vec<f64>> {
     let sizes: Vec<f64> = designer.targets.iter().map(|target| target.factor.abs()).collect();
     let others = sizes.len().saturating_sub(1);
     let mut best = (0.0, sizes.clone());
+    let mut reaching = Vec::new();
     for choice in 0..1_u32 << others {
         let is_reversed = |target: usize| target > 0 && choice >> (target - 1) & 1 == 1;
         let direct = |(target, size): (usize, &f64)| if is_reversed(target) { -size } else { *size };
         let factors: Vec<f64> = sizes.iter().enumerate().map(direct).collect();
         designer.set_factors_of_targets(&factors);
         let peak = designer.find_largest_crisp_peak_or_0_m_per_s2();
-        if peak > best.0 {
+        if peak >= asked {
+            reaching.push(factors);
+        } else if peak > best.0 {
             best = (peak, factors);
         }
     }
-    designer.set_factors_of_targets(&best.1);
+    if reaching.is_empty() { vec![best.1] } else { reaching }
 }
 
 /// Felt acceleration in m/s^2 at the places whose mode shapes are `shapes`, as [`FINE_RECORD`] samples in 1 s from the burst's start on:

@@ -1,5 +1,6 @@
 //! A window of an effect, by the actuator's name.
 
+use crate::click::ClickWindow;
 use era_shared::waveform::Electrode;
 use serde::Serialize;
 
@@ -21,4 +22,18 @@ pub struct EffectWindow {
     pub width_us: f64,
     /// Voltage of its rail in V.
     pub voltage_v: f64,
+}
+
+impl EffectWindow {
+    /// The window by the actuator's index, in s: actuator i of a scene is on channel i of the board.
+    #[must_use]
+    pub fn to_click_window(&self) -> ClickWindow {
+        ClickWindow {
+            actuator: self.channel,
+            electrode: self.electrode,
+            begin_s: 1e-6 * self.begin_us,
+            width_s: 1e-6 * self.width_us,
+            voltage_v: self.voltage_v,
+        }
+    }
 }

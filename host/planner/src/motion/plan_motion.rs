@@ -150,8 +150,30 @@ pub(crate) fn bound_travel_and_free_motion_of_drives_if_poles_known(
         }
     }
     soft_m.iter_mut().zip(&at_once_m).for_each(|(soft, at_once)| *soft = soft.min(*at_once));
-    let growth = compute_factor_by_which_softening_grows_motion(table, &motion.softening_n_per_m);
+    let softening_n_per_m = bound_softening_of_each_drive_at_travel_limit_n_per_m(table, chosen, &applied, &motion);
+    let growth = compute_factor_by_which_softening_grows_motion(table, &softening_n_per_m);
     Some(PlanMotion { limit_m, steady_m, at_once_m, soft_m, growth, lines })
+}
+
+/// The softening of steady drives whose masses go, together with an earlier motion, as far as the limit: at rest it is the mean of both
+/// electrodes, and the mean of (1 - x cos)^-3 over a swing of x gaps is (1 + x^2 / 2) (1 - x^2)^(-5/2) times that, 1.42 times at a third.
+fn bound_softening_of_each_drive_at_travel_limit_n_per_m(
+    table: &PlanTable,
+    chosen: &[ChosenDrive],
+    applied: &[VoltageAndPulseWidth; MAX_ACTUATORS],
+    motion: &Motion,
+) -> PerActuator {
+    let square = MAX_TRAVEL_FRACTION * MAX_TRAVEL_FRACTION;
+    let grown = (1.0 + square / 2.0) * (1.0 - square).powf(-2.5);
+    let mut softening_n_per_m = motion.softening_n_per_m;
+    let drives = chosen.iter().zip(applied).zip(&table.electrodes);
+    for (softening, ((drive, applied), own)) in softening_n_per_m.iter_mut().zip(drives) {
+        let at_rest = own.mean_softening_n_per_m_per_n(drive.frequency_hz, applied.pulse_width) * drive.force_n;
+        if drive.force_n > 0.0 {
+            *softening = softening.max(grown * at_rest);
+        }
+    }
+    softening_n_per_m
 }
 
 /// What softenings in N/m make of motions that there are already ([`PlanMotion::growth`]).
@@ -191,8 +213,9 @@ pub fn build_motion_of_effect_with_known_travel_if_poles_known(
     let mut softening_n_per_m = [0.0; MAX_ACTUATORS];
     for push in pushes {
         if let (Some(s), Some(own)) = (softening_n_per_m.get_mut(push.channel), table.electrodes.get(push.channel)) {
-            let closed = (travel_m.get(push.channel)? / own.gap_m).min(MAX_TRAVEL_FRACTION);
-            *s = push.force_n * own.mean_softening_n_per_m_per_n(push.frequency_hz, 1.0) / (1.0 - closed).powi(3);
+            // The effect's own travel is known, but together with an earlier motion the mass goes as far as the limit.
+            let grown = (1.0 - MAX_TRAVEL_FRACTION).powi(-3);
+            *s = push.force_n * own.mean_softening_n_per_m_per_n(push.frequency_hz, 1.0) * grown;
         }
     }
     let growth = compute_factor_by_which_softening_grows_motion(table, &softening_n_per_m);

@@ -70,8 +70,8 @@ pub enum ListenError {
     },
     /// The name has no address.
     #[error(
-        "cannot listen on {place}: {source}. --listen needs an IP address of this machine, or a host name that stands \
-         for an IP address of this machine"
+        "cannot listen on {place}: {source}. --listen needs an IP address or a host name \
+         of this machine"
     )]
     Name {
         /// As asked for.

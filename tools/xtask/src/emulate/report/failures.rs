@@ -71,6 +71,13 @@ pub fn check_failures(board: &mut EmulatedBoard, table: &mut ReportTable) {
             ResetCause::Software,
             AT_ONCE_MS,
         ),
+        failure(
+            "interrupt that nobody has enabled",
+            handler("DefaultHandler", 0),
+            FaultCode::HardFault,
+            ResetCause::Software,
+            AT_ONCE_MS,
+        ),
         failure("thread mode hangs", handler("loop", 15), FaultCode::Watchdog, ResetCause::Watchdog, WATCHDOG_MS),
         failure("device task hangs", handler("loop", 5), FaultCode::Watchdog, ResetCause::Watchdog, WATCHDOG_MS),
         failure("everything hangs", handler("loop", 0), FaultCode::Watchdog, ResetCause::Watchdog, WATCHDOG_MS),

@@ -343,4 +343,52 @@ pub const MUTATIONS: &[Mutation] = &[
         ["    \"    str r0, [sp, #-8]\",\n", ""],
         "the emulated memory loses no write after a reset, and the erratum's conditions are not published",
     ),
+    new_mutation(
+        "converters are not calibrated",
+        "firmware/src/sense.rs",
+        "    converter.cr().modify(|w| w.set_adcal(true));\n",
+        "",
+    ),
+    new_mutation(
+        "a HardFault leaves the outputs",
+        "firmware/src/fatal.rs",
+        "    // Only an NMI can interrupt this, and it ends here too.\n    force_electrodes_and_supply_off();\n",
+        "",
+    ),
+    new_mutation(
+        "an interrupt that nobody has enabled leaves the outputs",
+        "firmware/src/fatal.rs",
+        "    force_electrodes_and_supply_off();\n    write_note_and_reset(EXCEPTION, number",
+        "    write_note_and_reset(EXCEPTION, number",
+    ),
+    new_unseen_mutation(
+        "the device checks in without a tick",
+        "firmware/src/device_task.rs",
+        ["if device.take_tick_done() {", "if device.take_tick_done() || true {"],
+        "a tick is missing only when time stands still, and then nothing wakes the other tasks to check in",
+    ),
+    new_unseen_mutation(
+        "a preload is written while update events are allowed",
+        "firmware/src/timers.rs",
+        ["regs::Cr1Gp16(registers.cr1 | CR1_UDIS)", "regs::Cr1Gp16(registers.cr1)"],
+        "the emulator looks at registers every 5 us, and the writes take some ten clocks",
+    ),
+    new_unseen_mutation(
+        "a link does not tell that a program has opened it",
+        "firmware/src/links/mod.rs",
+        ["        INBOX.send((link, LinkArrival::Reopened)).await;\n", ""],
+        "a UART is opened once, at the start, and the emulator has no USB",
+    ),
+    new_unseen_mutation(
+        "RTS is taken for DTR",
+        "firmware/src/links/usb.rs",
+        ["line.dtr()", "line.rts()"],
+        "the emulator has no USB",
+    ),
+    new_unseen_mutation(
+        "the watchdog does not wait for the tasks of USB",
+        "firmware/src/watchdog.rs",
+        ["const ALL: u32 = (1 << NAMES.len()) - 1;", "const ALL: u32 = 0b111;"],
+        "the emulator has no USB, so these tasks never hang",
+    ),
 ];

@@ -478,4 +478,10 @@ pub const MUTATIONS: &[Mutation] = &[
         "        // Whoever repeats a request now is told that nothing is live.\n        self.played.clear();\n",
         "",
     ),
+    new_mutation(
+        "of two copies of a run the harmless one counts",
+        "shared/src/board.rs",
+        ".max_by_key(|copy| (copy.is_live, copy.is_measurement_distrusted))",
+        ".min_by_key(|copy| (copy.is_live, copy.is_measurement_distrusted))",
+    ),
 ];
