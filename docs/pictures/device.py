@@ -125,7 +125,7 @@ def draw_silence(_era):
     tries = int(re.search(r"\btries: (\d+),\n        doubt: Duration::from", read_source("host/src/device/timing.rs")).group(1))
     deadman = read_constant(LIMITS, "DEADMAN_DEFAULT_MS")
     waits = [min(again * 2**index, most) for index in range(tries)]
-    # `request_with_retries_or_stop` of host/src/device/client.rs: when the stop falls due, the try under way ends, and a stop is sent at once.
+    # `request_with_retries_sending_stop_when_due` of host/src/device/client.rs: when the stop falls due, the try under way ends, and a stop is sent at once.
     asked, at = [], alive
     for wait in waits:
         asked.append(at)

@@ -45,7 +45,7 @@ pub fn init_average_current() {
 }
 
 /// The mean of the last ms in uA; `u32::MAX`, which is outside of every limit, if the converter does not deliver.
-pub fn read_average_microamps() -> u32 {
+pub fn read_average_microamps_or_max_if_stale() -> u32 {
     // Differences of 32 bits wrap around after more than an hour.
     let now_us = Instant::now().as_micros() as u32;
     if ADC2.isr().read().eoc() {

@@ -98,14 +98,14 @@ impl Stm32Board {
         if let Some(finding) = self.lasting_fault.or_else(|| self.clock_check.find_fault()) {
             return Some(finding);
         }
-        if !clock_check::is_time_base_intact() {
+        if !clock_check::is_time_base_prescaler_intact() {
             return Some((FaultCode::ReadBack, DETAIL_TIME));
         }
         // With interrupts masked, so that a break between the two looks is not taken for a line that does not follow.
         cortex_m::interrupt::free(|_| {
             if permit::is_withdrawn_by_break() {
                 // A break whose interrupt has not run; one that runs after this notes its reason itself.
-                return Some(breaks::find_trip_cause());
+                return Some(breaks::find_trip_cause_or_assume_over_current());
             }
             permit::check_line_level_matches_permit().err()
         })
@@ -115,12 +115,12 @@ impl Stm32Board {
         if !comparators::are_all_settings_intact() {
             return Err((FaultCode::ReadBack, DETAIL_COMPARATORS));
         }
-        if !permit::is_routing_intact() {
+        if !permit::are_permit_timer_settings_intact() {
             return Err((FaultCode::ReadBack, DETAIL_PERMIT));
         }
         if self.connected && !timers::WITH_BREAK.into_iter().all(timers::is_main_output_enabled) {
             // A break whose interrupt has not run, or not been enabled.
-            return Err(breaks::find_trip_cause());
+            return Err(breaks::find_trip_cause_or_assume_over_current());
         }
         for (channel, number) in (0..CHANNELS).zip(0..) {
             if !timers::is_counting(channel) || !self.has_counter_moved(channel) {
@@ -157,7 +157,7 @@ impl Board for Stm32Board {
         let standing_fault = self.find_standing_fault();
         SensorReadings {
             rail_millivolts: measured.rail_millivolts,
-            average_microamps: average_current::read_average_microamps(),
+            average_microamps: average_current::read_average_microamps_or_max_if_stale(),
             // Both: the comparator acts without software, the level tells a closed loop from a shorted one.
             interlock_closed: comparators::is_interlock_closed() && sense::is_loop_level_closed(interlock_millivolts),
             stop_released: comparators::is_emergency_stop_released() && sense::is_loop_level_closed(stop_millivolts),
@@ -192,7 +192,7 @@ impl Board for Stm32Board {
         electrode_test::pulse_electrode_and_measure_rail_mv(channel, electrode)
     }
 
-    fn keep_for_next_start(&mut self, run: KeptRun) {
+    fn store_run_record_for_next_boot(&mut self, run: KeptRun) {
         run_record::keep_run_record(run);
     }
 
@@ -254,7 +254,7 @@ impl Board for Stm32Board {
         self.inspect_timers_and_trip_circuits().map_err(|finding| trip::take_trip().unwrap_or(finding))
     }
 
-    fn take_peak_acceleration_mm_per_s2(&mut self) -> Option<u32> {
+    fn take_peak_acceleration_mm_per_s2_if_sensor_exists(&mut self) -> Option<u32> {
         None
     }
 

@@ -49,7 +49,7 @@ const BREAKABLE: [TimAdv; 4] = {
 };
 
 /// Connects the core's own failures to the breaks, and enables the break interrupt. To be called once, before the supply is enabled.
-pub fn init_core_failure_breaks_and_interrupt() {
+pub fn connect_core_failures_to_breaks_and_enable_interrupt() {
     SYSCFG.cfgr2().modify(|w| {
         w.set_cll(true);
         w.set_spl(true);
@@ -65,15 +65,15 @@ pub fn init_core_failure_breaks_and_interrupt() {
 fn TIM1_BRK_TIM15() {
     // Off before anything is looked at; it disables this interrupt too, whose cause may last.
     force_electrodes_and_supply_off();
-    let (code, detail) = find_trip_cause();
-    trip::note_trip(code, detail);
+    let (code, detail) = find_trip_cause_or_assume_over_current();
+    trip::note_trip_unless_one_is_noted(code, detail);
     // The writes have arrived when the handler ends, or another handler might run in place of the next one (Cortex-M4 erratum 838869).
     cortex_m::asm::dsb();
 }
 
 /// The fault of what has tripped, as far as it can still be seen.
 #[must_use]
-pub fn find_trip_cause() -> FaultFinding {
+pub fn find_trip_cause_or_assume_over_current() -> FaultFinding {
     match find_tripped_comparator() {
         Some(comparator) => (comparator.fault, 0),
         None if PWR.sr2().read().pvdo() => (FaultCode::BrownOut, 0),
@@ -105,13 +105,13 @@ pub fn test_permit_line_comparators_and_break_interrupt() -> Result<(), FaultFin
     if !crate::comparators::are_all_settings_intact()
         || !crate::brown_out::is_voltage_detector_configured()
         || !led_here
-        || !permit::is_routing_intact()
+        || !permit::are_permit_timer_settings_intact()
     {
         return Err((FaultCode::SelfTest, DETAIL_SETTINGS));
     }
-    let result = test_line_level_follows_permit()
+    let result = test_line_level_follows_permit_and_leave_permit_given()
         .and_then(|()| COMPARATORS.iter().try_for_each(test_that_comparator_clears_outputs_and_permit))
-        .and_then(|()| test_loop_inputs())
+        .and_then(|()| test_interlock_and_stop_loop_comparators())
         .and_then(|()| test_break_interrupt());
     cortex_m::interrupt::free(|_| permit::set_permit(false));
     timers::set_main_outputs(false);
@@ -120,7 +120,7 @@ pub fn test_permit_line_comparators_and_break_interrupt() -> Result<(), FaultFin
 }
 
 /// Tests that the permit's line is low without the permit and high with it. The permit is left given.
-fn test_line_level_follows_permit() -> Result<(), FaultFinding> {
+fn test_line_level_follows_permit_and_leave_permit_given() -> Result<(), FaultFinding> {
     permit::check_line_level_matches_permit()?;
     cortex_m::interrupt::free(|_| permit::set_permit(true));
     match permit::check_line_level_matches_permit() {
@@ -171,7 +171,7 @@ pub fn test_over_voltage_inputs(charged: [bool; RAILS]) -> Result<(), FaultFindi
         let stuck = both.find(|comparator| !poll_within_trip_time(|| !comparator.is_tripped()));
         timers::clear_break_flags();
         // The trip has withdrawn the permit, for less than a contact or the supply needs to follow.
-        permit::set_main_output(true);
+        permit::set_main_output_enable_of_permit_timer(true);
         timers::set_break_interrupt(true);
         tripped.and(stuck.map_or(Ok(()), |comparator| Err(comparator.number + DETAIL_NOT_RELEASED)))
     });
@@ -179,7 +179,7 @@ pub fn test_over_voltage_inputs(charged: [bool; RAILS]) -> Result<(), FaultFindi
 }
 
 /// Tests that the comparators of the loops see their loops: closed ones are below the threshold of the self-test, and above that which protects.
-fn test_loop_inputs() -> Result<(), FaultFinding> {
+fn test_interlock_and_stop_loop_comparators() -> Result<(), FaultFinding> {
     crate::comparators::set_loop_threshold(true);
     let blind = LOOPS.into_iter().find(|comparator| !poll_within_trip_time(|| comparator.is_tripped()));
     crate::comparators::set_loop_threshold(false);
@@ -192,7 +192,7 @@ fn test_loop_inputs() -> Result<(), FaultFinding> {
 }
 
 fn test_that_comparator_clears_outputs_and_permit(comparator: &Comparator) -> Result<(), FaultFinding> {
-    check_main_outputs_can_be_set(comparator)?;
+    enable_main_outputs_or_blame_comparator(comparator)?;
     comparator.write_settings_with_trip_inverted(true);
     let are_all_cleared = || !BREAKABLE.into_iter().any(timers::is_main_output_enabled);
     let tripped = poll_within_trip_time(|| comparator.is_tripped() && are_all_cleared());
@@ -209,15 +209,15 @@ fn test_that_comparator_clears_outputs_and_permit(comparator: &Comparator) -> Re
     if !poll_within_trip_time(|| !comparator.is_tripped()) {
         return Err((FaultCode::SelfTest, comparator.number + DETAIL_NOT_AT_REST));
     }
-    check_main_outputs_can_be_set(comparator)
+    enable_main_outputs_or_blame_comparator(comparator)
 }
 
 /// Checks that MOE of all four timers can be set, which an active break does not allow. If one cannot, the error names `blamed_comparator`.
-fn check_main_outputs_can_be_set(blamed_comparator: &Comparator) -> Result<(), FaultFinding> {
+fn enable_main_outputs_or_blame_comparator(blamed_comparator: &Comparator) -> Result<(), FaultFinding> {
     let all_enabled = poll_within_trip_time(|| {
         timers::clear_break_flags();
         timers::set_main_outputs(true);
-        permit::set_main_output(true);
+        permit::set_main_output_enable_of_permit_timer(true);
         BREAKABLE.into_iter().all(timers::is_main_output_enabled)
     });
     if all_enabled { Ok(()) } else { Err((FaultCode::SelfTest, blamed_comparator.number + DETAIL_NOT_AT_REST)) }

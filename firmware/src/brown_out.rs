@@ -71,7 +71,7 @@ pub fn is_voltage_detector_configured() -> bool {
 #[interrupt]
 fn PVD_PVM() {
     force_electrodes_and_supply_off();
-    trip::note_trip(FaultCode::BrownOut, 0);
+    trip::note_trip_unless_one_is_noted(FaultCode::BrownOut, 0);
     let mut line = Lines(0);
     line.set_line(LINE, true);
     EXTI.pr(0).write_value(line);

@@ -58,7 +58,7 @@ const TIME_PRESCALER: u16 = (TIMER_CLOCK_HZ as u64 / embassy_time::TICK_HZ - 1) 
 
 /// Whether the board's time runs at its rate. Every time-out, dead-man time and discharge time comes from it.
 #[must_use]
-pub fn is_time_base_intact() -> bool {
+pub fn is_time_base_prescaler_intact() -> bool {
     TIM2.psc().read() == TIME_PRESCALER
 }
 
@@ -81,7 +81,7 @@ impl ClockCheck {
         let now = Instant::now();
         if now.saturating_duration_since(self.looked_at) >= LOOK_INTERVAL {
             self.looked_at = now;
-            self.lsi_hz = take_lsi_hz();
+            self.lsi_hz = take_new_lsi_hz_or_zero();
             self.wrong_looks = if LSI_HZ.contains(&self.lsi_hz) { 0 } else { self.wrong_looks.saturating_add(1) };
         }
         (self.wrong_looks >= WRONG_LOOKS).then_some((FaultCode::Clock, self.lsi_hz))
@@ -89,7 +89,7 @@ impl ClockCheck {
 }
 
 /// The frequency of the watchdog's clock in Hz by its last period; 0 if there was none since the last call.
-fn take_lsi_hz() -> u32 {
+fn take_new_lsi_hz_or_zero() -> u32 {
     let is_new = TIM5.sr().read().0 & SR_CC1IF != 0;
     let clocks = TIM5.ccr(0).read();
     // Flags are cleared by writing 0, and writing 1 leaves them.

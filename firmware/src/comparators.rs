@@ -102,13 +102,13 @@ pub fn init_comparators() {
     // A peripheral takes writes from the second clock after its enable (RM0440, section 7.2.18); the reads wait for it.
     let _ = (RCC.ahb2enr().read(), RCC.apb2enr().read());
     for converter in [DAC3, DAC4] {
-        converter.mcr().write_value(build_threshold_mode_register());
+        converter.mcr().write_value(build_threshold_dac_mode_register());
     }
     DAC3.dhr12r(0).write(|w| w.set_dhr(OVER_VOLTAGE_CODE));
     DAC3.dhr12r(1).write(|w| w.set_dhr(OVER_CURRENT_CODE));
     DAC4.dhr12r(0).write(|w| w.set_dhr(LOOP_CODE));
     for converter in [DAC3, DAC4] {
-        converter.cr().write_value(build_threshold_control_register());
+        converter.cr().write_value(build_threshold_dac_control_register());
     }
     for comparator in COMPARATORS {
         comparator.write_settings_with_trip_inverted(false);
@@ -117,7 +117,7 @@ pub fn init_comparators() {
 }
 
 /// The converters' modes: both channels go to the comparators, and not to a pin.
-fn build_threshold_mode_register() -> Mcr {
+fn build_threshold_dac_mode_register() -> Mcr {
     let mut modes = Mcr(0);
     modes.set_mode(0, Mode::NORMAL_INT_BUFDIS);
     modes.set_mode(1, Mode::NORMAL_INT_BUFDIS);
@@ -126,7 +126,7 @@ fn build_threshold_mode_register() -> Mcr {
 }
 
 /// The converters' enables: both channels, without trigger, wave and DMA. The second one of DAC4 leads to nothing.
-fn build_threshold_control_register() -> Cr {
+fn build_threshold_dac_control_register() -> Cr {
     let mut control = Cr(0);
     control.set_en(0, true);
     control.set_en(1, true);
@@ -151,8 +151,8 @@ pub fn set_loop_threshold(for_test: bool) {
 #[must_use]
 pub fn are_all_settings_intact() -> bool {
     let is_connected_and_enabled = |converter: Dac| {
-        converter.mcr().read().0 == build_threshold_mode_register().0
-            && converter.cr().read().0 == build_threshold_control_register().0
+        converter.mcr().read().0 == build_threshold_dac_mode_register().0
+            && converter.cr().read().0 == build_threshold_dac_control_register().0
     };
     is_connected_and_enabled(DAC3)
         && is_connected_and_enabled(DAC4)

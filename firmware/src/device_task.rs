@@ -43,7 +43,9 @@ pub async fn run_device(mut board: Stm32Board) -> ! {
         if let Either::Second((link, arrival)) = select(Timer::at(Instant::from_micros(due_us)), INBOX.receive()).await
         {
             let (Some(port), Some(outbox)) = (ports.get_mut(link), LINKS.get(link)) else { continue };
-            device.handle_link_arrival(&mut board, port, &arrival, |answer| outbox.queue_answer(answer));
+            device.handle_received_bytes_or_link_reopening(&mut board, port, &arrival, |answer| {
+                outbox.queue_answer_or_drop_if_full(answer)
+            });
         }
     }
 }

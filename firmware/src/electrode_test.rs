@@ -33,12 +33,12 @@ pub fn pulse_electrode_and_measure_rail_mv(
         // With interrupts masked, so that a trip comes before all of it and is seen, or after it and takes the pin away.
         cortex_m::interrupt::free(|_| {
             take_trip_as_error()?;
-            check_is_low(find_electrode_not_low())?;
+            fail_arming_if_pin_not_low(find_electrode_not_low())?;
             set_pin_level(pin, true);
             // A pin that touches it keeps this pad from becoming high, or is high, too.
             let result = await_high_pad(pin)
                 .map_err(|pin| (FaultCode::ArmFailed, pin))
-                .and_then(|()| check_is_low(find_other_electrode_not_low(pin)));
+                .and_then(|()| fail_arming_if_pin_not_low(find_other_electrode_not_low(pin)));
             if result.is_err() {
                 set_pin_level(pin, false);
             }
@@ -54,7 +54,7 @@ pub fn pulse_electrode_and_measure_rail_mv(
     pulses.after_last_millivolts = measure_rail_millivolts(rail_index_of_channel(channel));
     // A pulse that a trip has cut short says nothing of the electrode.
     take_trip_as_error()?;
-    check_is_low(find_electrode_not_low())?;
+    fail_arming_if_pin_not_low(find_electrode_not_low())?;
     Ok(pulses)
 }
 
@@ -62,7 +62,7 @@ fn take_trip_as_error() -> Result<(), FaultFinding> {
     trip::take_trip().map_or(Ok(()), Err)
 }
 
-fn check_is_low(not_low: Option<PinName>) -> Result<(), FaultFinding> {
+fn fail_arming_if_pin_not_low(not_low: Option<PinName>) -> Result<(), FaultFinding> {
     not_low.map_or(Ok(()), |pin| Err((FaultCode::ArmFailed, pin)))
 }
 

@@ -17,7 +17,7 @@ pub const FIRMWARE: FirmwareVersion = FirmwareVersion {
 /// All of the header but its last field, which the linker adds (`memory.x`).
 #[used]
 #[unsafe(link_section = ".image_header")]
-static HEADER: [u8; 60] = ImageHeader::encode_header_before_end(
+static HEADER: [u8; 60] = ImageHeader::encode_header_without_end_address(
     CHIP_STM32G474,
     BoardKind::Stm32G474,
     FIRMWARE,

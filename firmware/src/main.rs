@@ -64,7 +64,7 @@ fn main() -> ! {
     let previous_run = run_record::read_run_record_of_previous_run();
     let failure = identity::take_previous_failure(reset_cause, previous_run.is_some_and(|run| run.is_live));
     let peripherals = clocks::init_chip_and_clocks();
-    priorities::set_driver_interrupt_priorities();
+    priorities::lower_time_and_link_interrupt_priorities();
     outputs::init_electrode_and_supply_pins_low();
     rails::init_rail_dac();
     comparators::init_comparators();
@@ -72,7 +72,7 @@ fn main() -> ! {
     permit::init_permit();
     // Before the breaks: what leads the detector to them also locks its settings (RM0440, section 6.4.2).
     brown_out::init_voltage_detector();
-    breaks::init_core_failure_breaks_and_interrupt();
+    breaks::connect_core_failures_to_breaks_and_enable_interrupt();
     sense::init_adc();
     average_current::init_average_current();
     clock_check::init_clock_check();
@@ -110,6 +110,6 @@ fn main() -> ! {
         spawner.spawn(defmt::unwrap!(links::usb::run_usb_device(usb)));
         spawner.spawn(defmt::unwrap!(links::usb::receive_over_usb(usb_rx)));
         spawner.spawn(defmt::unwrap!(links::usb::transmit_over_usb(usb_tx)));
-        spawner.spawn(defmt::unwrap!(links::usb::watch_usb_line(usb_line)));
+        spawner.spawn(defmt::unwrap!(links::usb::watch_dtr_and_report_usb_port_closings(usb_line)));
     })
 }

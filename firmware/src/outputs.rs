@@ -99,14 +99,14 @@ pub fn find_output_not_low() -> Option<PinName> {
 /// The same of the electrodes' pins alone.
 #[must_use]
 pub fn find_electrode_not_low() -> Option<PinName> {
-    ELECTRODES.iter().flatten().find_map(|electrode| find_electrode_pin_not_low(electrode.pin))
+    ELECTRODES.iter().flatten().find_map(|electrode| name_electrode_pin_if_not_low(electrode.pin))
 }
 
 /// The same of all electrodes' pins but this one.
 #[must_use]
 pub fn find_other_electrode_not_low(high: Pin) -> Option<PinName> {
     let others = ELECTRODES.iter().flatten().filter(|electrode| !is_same_pin(electrode.pin, high));
-    { others }.find_map(|electrode| find_electrode_pin_not_low(electrode.pin))
+    { others }.find_map(|electrode| name_electrode_pin_if_not_low(electrode.pin))
 }
 
 fn is_same_pin(one: Pin, other: Pin) -> bool {
@@ -114,7 +114,7 @@ fn is_same_pin(one: Pin, other: Pin) -> bool {
 }
 
 /// This pin of an electrode, if it is not low.
-fn find_electrode_pin_not_low(Pin { port, number }: Pin) -> Option<PinName> {
+fn name_electrode_pin_if_not_low(Pin { port, number }: Pin) -> Option<PinName> {
     find_pin_not_low(port, 1 << number, port.moder().read().moder(number) != Moder::OUTPUT)
 }
 
@@ -126,10 +126,10 @@ fn find_pin_not_low(port: Gpio, pins: u32, has_wrong_mode: bool) -> Option<PinNa
     // What the pads show, not only what they were told.
     let high = (port.odr().read().0 | port.idr().read().0) & pins;
     let wrong = if has_wrong_mode { pins } else { high };
-    (wrong != 0).then(|| name_pin_of_port(port, wrong.trailing_zeros()))
+    (wrong != 0).then(|| encode_port_and_pin_number(port, wrong.trailing_zeros()))
 }
 
-fn name_pin_of_port(port: Gpio, number: u32) -> PinName {
+fn encode_port_and_pin_number(port: Gpio, number: u32) -> PinName {
     // The ports' registers are 1 KiB apart, from port A on (RM0440, section 2.2.2).
     ((port.as_ptr().addr() >> 10 & 0xF) as u32 + 1) * 100 + number
 }
@@ -160,5 +160,5 @@ pub fn is_pin_set_high(pin: Pin) -> bool {
 pub fn await_high_pad(pin: Pin) -> Result<(), PinName> {
     let Pin { port, number } = pin;
     let is_high = poll_within(PAD_SETTLING, || port.idr().read().0 & (1 << number) != 0);
-    if is_high { Ok(()) } else { Err(name_pin_of_port(port, number as u32)) }
+    if is_high { Ok(()) } else { Err(encode_port_and_pin_number(port, number as u32)) }
 }

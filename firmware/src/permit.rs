@@ -54,12 +54,12 @@ pub fn set_permit(given: bool) {
     let TimerPin { pin: Pin { port, number }, function } = PERMIT;
     port.bsrr().write(|w| w.set_br(number, true));
     if given {
-        set_main_output(true);
+        set_main_output_enable_of_permit_timer(true);
         port.afr(number / 8).modify(|w| w.set_afr(number % 8, function));
         port.moder().modify(|w| w.set_moder(number, Moder::ALTERNATE));
     } else {
         port.moder().modify(|w| w.set_moder(number, Moder::OUTPUT));
-        set_main_output(false);
+        set_main_output_enable_of_permit_timer(false);
     }
     GIVEN.store(given, Ordering::Relaxed);
 }
@@ -68,12 +68,12 @@ pub fn set_permit(given: bool) {
 pub fn mark_withdrawn_and_disable_main_output() {
     GIVEN.store(false, Ordering::Relaxed);
     if RCC.apb2enr().read().tim16en() {
-        set_main_output(false);
+        set_main_output_enable_of_permit_timer(false);
     }
 }
 
 /// Sets the main output enable of the permit's timer. While a break is active it does not keep it.
-pub fn set_main_output(enabled: bool) {
+pub fn set_main_output_enable_of_permit_timer(enabled: bool) {
     TIMER.bdtr().modify(|w| w.0 = if enabled { w.0 | BDTR_MOE } else { w.0 & !BDTR_MOE });
 }
 
@@ -92,7 +92,7 @@ pub fn is_withdrawn_by_break() -> bool {
 
 /// Whether what withdraws the permit in hardware is set up as [`init_permit`] has done it.
 #[must_use]
-pub fn is_routing_intact() -> bool {
+pub fn are_permit_timer_settings_intact() -> bool {
     TIMER.af1().read().0 == AF1_COMPARATORS
         && TIMER.bdtr().read().0 & !BDTR_MOE == BDTR_LOCKED
         && TIMER.ccmr_output(0).read().0 == CCMR1_FORCED_ACTIVE

@@ -22,7 +22,7 @@ pub const DEVICE: Priority = Priority::P5;
 
 /// Puts the drivers' interrupts, which embassy leaves at the highest priority, below those that switch off. To be called
 /// before the links are opened.
-pub fn set_driver_interrupt_priorities() {
+pub fn lower_time_and_link_interrupt_priorities() {
     Interrupt::TIM2.set_priority(Priority::P2);
     Interrupt::LPUART1.set_priority(Priority::P3);
     Interrupt::USB_LP.set_priority(Priority::P3);

@@ -38,7 +38,7 @@ unsafe impl Sync for RecordCell {}
 #[unsafe(link_section = ".uninit.run_record")]
 static RECORDS: RecordCell = RecordCell(UnsafeCell::new(MaybeUninit::uninit()));
 
-fn record_places() -> [*mut RunRecord; 2] {
+fn pointers_to_record_copies() -> [*mut RunRecord; 2] {
     let first = RECORDS.0.get().cast::<RunRecord>();
     [first, first.wrapping_add(1)]
 }
@@ -53,7 +53,7 @@ pub fn keep_run_record(run: KeptRun) {
         check: 0,
     };
     record.check = record.compute_checksum();
-    for place in record_places() {
+    for place in pointers_to_record_copies() {
         // SAFETY: within the memory above; only the device task writes it, and nobody reads it meanwhile.
         unsafe { place.write_volatile(record) };
     }
@@ -62,7 +62,7 @@ pub fn keep_run_record(run: KeptRun) {
 /// What the previous run left; `None` if memory has not kept it. Where the copies differ, the one that says live, or distrusts, counts. To be called once, at
 /// boot.
 pub fn read_run_record_of_previous_run() -> Option<KeptRun> {
-    let records = record_places().map(|place| {
+    let records = pointers_to_record_copies().map(|place| {
         // SAFETY: within the memory above; every bit pattern is a valid record, and nothing else accesses the memory at boot.
         let record = unsafe { place.read_volatile() };
         (record.magic == MAGIC && record.check == record.compute_checksum()).then_some(KeptRun {

@@ -8,7 +8,7 @@ use era_shared::supply::FaultFinding;
 static TRIP: AtomicU32 = AtomicU32::new(0);
 
 /// Notes why everything was switched off, unless a reason is noted already: the first one says most.
-pub fn note_trip(code: FaultCode, detail: u32) {
+pub fn note_trip_unless_one_is_noted(code: FaultCode, detail: u32) {
     let packed = (u32::from(code.number()) + 1) | (detail << 16);
     // The other outcome is the one that is wanted too.
     let _ = TRIP.compare_exchange(0, packed, Ordering::AcqRel, Ordering::Acquire);

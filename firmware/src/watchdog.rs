@@ -69,7 +69,7 @@ unsafe impl Sync for RecordCell {}
 #[unsafe(link_section = ".uninit.watchdog_record")]
 static RECORD: RecordCell = RecordCell(UnsafeCell::new(MaybeUninit::uninit()));
 
-fn check_in_record() -> &'static CheckInRecord {
+fn get_record_of_check_in_times() -> &'static CheckInRecord {
     // SAFETY: every bit pattern is a valid Record, and nothing accesses it in another way than through this.
     unsafe { &*RECORD.0.get().cast::<CheckInRecord>() }
 }
@@ -86,11 +86,11 @@ const ALIVE: u32 = 60;
 /// The tasks that had not checked in when the watchdog reset the chip, as a mask and as a text that names them. To be called after such a
 /// reset, before [`start_watchdog_and_tell_whether_settings_hold`].
 pub fn find_mask_and_names_of_tasks_missing_before_reset() -> (u32, String<FAILURE_MESSAGE>) {
-    let fed = check_in_record().fed.load(Ordering::Relaxed);
+    let fed = get_record_of_check_in_times().fed.load(Ordering::Relaxed);
     let (mut missing, mut text) = (0, String::new());
     // The text has room for all names.
     let _ = text.push_str("watchdog: unresponsive tasks:");
-    for ((bit, name), seen) in NAMES.iter().enumerate().zip(&check_in_record().seen) {
+    for ((bit, name), seen) in NAMES.iter().enumerate().zip(&get_record_of_check_in_times().seen) {
         let since_feed = seen.load(Ordering::Relaxed).wrapping_sub(fed).cast_signed();
         if since_feed < ALIVE.cast_signed() {
             missing |= 1 << bit;
@@ -120,7 +120,7 @@ pub fn start_watchdog_and_tell_whether_settings_hold() -> bool {
 /// Notes that a task still does its work.
 pub fn check_in(task: WatchedTask) {
     MISSING.fetch_and(!(1 << task as u32), Ordering::Relaxed);
-    if let Some(seen) = check_in_record().seen.get(task as usize) {
+    if let Some(seen) = get_record_of_check_in_times().seen.get(task as usize) {
         seen.store(now_in_1024_us(), Ordering::Relaxed);
     }
 }
@@ -135,7 +135,7 @@ pub fn feed_if_all_checked_in() {
 
 fn record_feed_and_mark_all_missing() {
     MISSING.store(ALL, Ordering::Relaxed);
-    check_in_record().fed.store(now_in_1024_us(), Ordering::Relaxed);
+    get_record_of_check_in_times().fed.store(now_in_1024_us(), Ordering::Relaxed);
 }
 
 /// Runs a task's work and checks in for it whenever it is polled. [`wake_watched_tasks_if_due`] wakes a task that waits, so that it is polled.

@@ -96,7 +96,7 @@ pub trait Board {
     ) -> Result<ElectrodePulses, FaultFinding>;
 
     /// Keeps what the next start must know of this run. To be called every ms, and whenever everything has been switched off.
-    fn keep_for_next_start(&mut self, run: KeptRun);
+    fn store_run_record_for_next_boot(&mut self, run: KeptRun);
 
     /// Enables or disables the supply, and sets its set-points and discharge switches.
     fn apply_supply_command(&mut self, command: &SupplyCommand);
@@ -129,7 +129,7 @@ pub trait Board {
 
     /// Largest acceleration in 1/1000 m/s^2 since the last call, or of the last 50 ms if that is longer; `None` without an
     /// accelerometer.
-    fn take_peak_acceleration_mm_per_s2(&mut self) -> Option<u32>;
+    fn take_peak_acceleration_mm_per_s2_if_sensor_exists(&mut self) -> Option<u32>;
 
     /// Moves the oldest bytes of the log to `buffer`, as many as there are and fit; returns their number.
     fn take_log_bytes(&mut self, buffer: &mut [u8]) -> usize;
@@ -148,9 +148,12 @@ mod tests {
             Some(KeptRun { is_live, is_measurement_distrusted, credit_ms: [7; MAX_CHANNELS] })
         };
         let (harmless, distrusts, live) = (copy(false, false), copy(false, true), copy(true, false));
-        for (one, other, counts) in
-            [(harmless, live, live), (harmless, distrusts, distrusts), (distrusts, live, live), (None, harmless, harmless)]
-        {
+        for (one, other, counts) in [
+            (harmless, live, live),
+            (harmless, distrusts, distrusts),
+            (distrusts, live, live),
+            (None, harmless, harmless),
+        ] {
             assert_eq!(KeptRun::choose_most_cautious_of_copies([one, other]), counts);
             assert_eq!(KeptRun::choose_most_cautious_of_copies([other, one]), counts);
         }

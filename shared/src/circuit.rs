@@ -72,10 +72,10 @@ const FULL_DISCHARGE_PERMILLE: u64 = 3_507;
 const HALVING_PERMILLE: u64 = 693;
 
 /// Capacitance in pF that hangs on a rail while all of its electrodes are charged.
-const LOADED_RAIL_PICOFARADS: u32 = RAIL_PICOFARADS + most_electrode_picofarads_of_a_rail();
+const LOADED_RAIL_PICOFARADS: u32 = RAIL_PICOFARADS + largest_total_electrode_picofarads_of_a_rail();
 
 /// Capacitance in pF of all electrodes of the rail that feeds most.
-const fn most_electrode_picofarads_of_a_rail() -> u32 {
+const fn largest_total_electrode_picofarads_of_a_rail() -> u32 {
     let (mut sums, mut most, mut channel) = ([0; RAILS], 0, 0);
     while channel < MAX_CHANNELS {
         let rail = rail_index_of_channel(channel);
@@ -115,14 +115,14 @@ pub const fn subtract_percent(value: u64, percent: u32) -> u64 {
 
 /// Longest time in us until a rail has fallen from 2 kV to 60 V through `ohms`, all tolerances against it.
 #[must_use]
-pub const fn longest_discharge_us(ohms: u32) -> u32 {
+pub const fn longest_rail_discharge_from_2_kv_to_60_v_us(ohms: u32) -> u32 {
     let time_constant_us = ohms as u64 * LOADED_RAIL_PICOFARADS as u64 / 1_000_000;
     (time_constant_us * (100 + TOLERANCE_PERCENT as u64) / 100 * FULL_DISCHARGE_PERMILLE / 1000) as u32
 }
 
 /// What divider and bleeder take from a rail of `millivolts`, in uA, rounded up.
 #[must_use]
-pub const fn both_bleeders_microamps(millivolts: u32) -> u32 {
+pub const fn both_bleeders_of_one_rail_microamps(millivolts: u32) -> u32 {
     // Two bleeders in parallel; mV over ohm is mA.
     (millivolts as u64 * 2 * 1_000).div_ceil(BLEEDER_OHMS as u64) as u32
 }
@@ -136,7 +136,7 @@ pub const fn most_leakage_microamps(millivolts: u32) -> u32 {
 /// The most in uA that the electrodes which can rise together take in their first moment from rails of `millivolts`: one of each ERA, as
 /// the two of an ERA are never on together. 4 x 2 kV / 1 Mohm are 8 mA, with the resistors' tolerance 8.4 mA.
 #[must_use]
-pub const fn most_microamps_when_one_electrode_of_each_era_rises(millivolts: u32) -> u32 {
+pub const fn most_microamps_when_one_electrode_of_each_actuator_rises(millivolts: u32) -> u32 {
     let ohms = subtract_percent(ELECTRODE_OHMS as u64, RESISTANCE_TOLERANCE_PERCENT);
     (MAX_CHANNELS as u64 * millivolts as u64 * 1_000 / ohms) as u32
 }
@@ -145,7 +145,7 @@ pub const fn most_microamps_when_one_electrode_of_each_era_rises(millivolts: u32
 /// any help of the supply: one electrode of each channel of the rail. 2 x 116 pF take 11 % from 1.8 nF, with tolerances 16 %.
 #[must_use]
 pub const fn most_rail_dip_when_electrodes_rise_permille() -> u32 {
-    let rising = add_percent(most_electrode_picofarads_of_a_rail() as u64 / 2, TOLERANCE_PERCENT);
+    let rising = add_percent(largest_total_electrode_picofarads_of_a_rail() as u64 / 2, TOLERANCE_PERCENT);
     let rail = subtract_percent(RAIL_PICOFARADS as u64, TOLERANCE_PERCENT);
     (rising * 1_000).div_ceil(rising + rail) as u32
 }
@@ -183,7 +183,7 @@ pub const fn shortest_discharge_us(from_millivolts: u32, to_millivolts: u32) -> 
 /// The part of its full charge, in thousandths, that every electrode has taken at least after being on for `on_ns`: 1 - exp(-n) after n
 /// time constants, rounded down. In between the chord counts, which is below the curve.
 #[must_use]
-pub const fn least_charged_permille(on_ns: u64) -> u32 {
+pub const fn least_electrode_charge_permille(on_ns: u64) -> u32 {
     let nominal_ns = ELECTRODE_OHMS as u64 * largest_electrode_picofarads() as u64 / 1_000;
     let time_constant_ns = nominal_ns * (100 + TOLERANCE_PERCENT as u64) / 100;
     let (from, to) = match on_ns / time_constant_ns {

@@ -74,7 +74,7 @@ pub enum HeaderError {
 impl ImageHeader {
     /// Encodes all fields of the header but the last, [`ImageHeader::end`], which the linker adds.
     #[must_use]
-    pub const fn encode_header_before_end(
+    pub const fn encode_header_without_end_address(
         chip: u16,
         board: BoardKind,
         firmware: FirmwareVersion,
@@ -148,8 +148,13 @@ mod tests {
     #[test]
     fn what_is_put_in_comes_out() {
         let firmware = FirmwareVersion { major: 1, minor: 2, patch: 3, commit: *b"0123abcd" };
-        let given =
-            ImageHeader::encode_header_before_end(CHIP_STM32G474, BoardKind::Stm32G474, firmware, (1, 2), "some-image");
+        let given = ImageHeader::encode_header_without_end_address(
+            CHIP_STM32G474,
+            BoardKind::Stm32G474,
+            firmware,
+            (1, 2),
+            "some-image",
+        );
         let mut bytes = [0; HEADER_LENGTH];
         bytes[..BYTES_BEFORE_END].copy_from_slice(&given);
         bytes[BYTES_BEFORE_END..].copy_from_slice(&0x0801_2344_u32.to_le_bytes());

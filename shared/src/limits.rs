@@ -3,7 +3,7 @@
 //! The board holds to them whatever the host claims. Sources are named with each; "ERA" stands for the default design with a
 //! gap of 0.5 mm, 50 mm electrodes and 100 pF of electrode and cable.
 
-use crate::circuit::{self, longest_discharge_us, longest_electrode_discharge_ns};
+use crate::circuit::{self, longest_electrode_discharge_ns, longest_rail_discharge_from_2_kv_to_60_v_us};
 
 /// Highest rail voltage in mV. The gap of an ERA breaks down near 2.57 kV at rest and near 2.0 kV once its mass has moved
 /// by 0.14 mm towards an electrode; 85 % of 2.57 kV is 2.18 kV, and 2.0 kV leaves the over-voltage trip room below that.
@@ -20,13 +20,14 @@ pub const DISCHARGE_LIMIT_MS: u32 = 1_000;
 /// A rail whose discharge switch closes is below [`DISCHARGED_MILLIVOLTS`] after this many ms: the contact's time, the discharge
 /// through the switch (2.26 nF and 1 Mohm from 2 kV to 60 V: 7.9 ms, with tolerances 9.5 ms), the divider's filter, and a ms until
 /// the next measurement. A rail that takes longer has a broken discharge switch, or a supply that still feeds it.
-pub const SWITCHED_DISCHARGE_MS: u32 =
-    (circuit::CONTACT_MICROSECONDS + longest_discharge_us(circuit::DISCHARGE_OHMS) + 4 * circuit::DIVIDER_MICROSECONDS)
-        .div_ceil(1000)
-        + 1;
+pub const SWITCHED_DISCHARGE_MS: u32 = (circuit::CONTACT_MICROSECONDS
+    + longest_rail_discharge_from_2_kv_to_60_v_us(circuit::DISCHARGE_OHMS)
+    + 4 * circuit::DIVIDER_MICROSECONDS)
+    .div_ceil(1000)
+    + 1;
 /// One bleeder alone has discharged a rail after this many ms (2.26 nF and 100 Mohm from 2 kV to 60 V: 0.79 s, with tolerances
 /// 0.95 s). When what is measured cannot be believed, a rail is not called safe before.
-pub const BLEEDER_MS: u32 = longest_discharge_us(circuit::BLEEDER_OHMS).div_ceil(1000);
+pub const BLEEDER_MS: u32 = longest_rail_discharge_from_2_kv_to_60_v_us(circuit::BLEEDER_OHMS).div_ceil(1000);
 const _: () = assert!(
     MAX_RAIL_MILLIVOLTS == 2_000_000 && DISCHARGED_MILLIVOLTS == 60_000,
     "circuit.rs has the logarithm of the ratio of these two voltages"
@@ -48,7 +49,7 @@ const _: () = assert!(
     TEST_MICROAMPS
         > CURRENT_OFFSET_MICROAMPS
             + circuit::RAILS as u32
-                * (circuit::both_bleeders_microamps(TEST_MILLIVOLTS + TEST_TOLERANCE_MILLIVOLTS)
+                * (circuit::both_bleeders_of_one_rail_microamps(TEST_MILLIVOLTS + TEST_TOLERANCE_MILLIVOLTS)
                     + circuit::most_leakage_microamps(TEST_MILLIVOLTS + TEST_TOLERANCE_MILLIVOLTS)),
     "TEST_MICROAMPS, the current limit of the self-test, is too low: a board without faults takes more"
 );
@@ -116,7 +117,7 @@ pub const OVER_CURRENT_MICROAMPS: u32 = 700;
 pub const OVER_CURRENT_MEAN_MICROSECONDS: u64 = 1 << 13;
 /// Most that a charge of all electrodes adds to that mean, in uA.
 const CHARGE_RIPPLE_MICROAMPS: u64 =
-    circuit::add_percent(charge_of_one_electrode_per_channel_picocoulombs(), circuit::TOLERANCE_PERCENT)
+    circuit::add_percent(total_charge_of_one_electrode_of_every_channel_picocoulombs(), circuit::TOLERANCE_PERCENT)
         / OVER_CURRENT_MEAN_MICROSECONDS;
 /// What both rails take while they rise, in uA.
 const RISING_MICROAMPS: u64 =
@@ -132,7 +133,7 @@ const _: () = assert!(
 );
 
 /// Charge of one electrode of every channel at the highest voltage, in pC.
-const fn charge_of_one_electrode_per_channel_picocoulombs() -> u64 {
+const fn total_charge_of_one_electrode_of_every_channel_picocoulombs() -> u64 {
     let (mut picofarads, mut channel) = (0, 0);
     while channel < circuit::ELECTRODE_PICOFARADS.len() {
         picofarads += circuit::ELECTRODE_PICOFARADS[channel] as u64;
@@ -160,7 +161,7 @@ pub const TRIP_MICROAMPS: u32 = 10_000;
 /// 1.65 V for the comparator's offset and half of its hysteresis.
 const TRIP_TOLERANCE_PERCENT: u32 = 5;
 const _: () = assert!(
-    circuit::most_microamps_when_one_electrode_of_each_era_rises(MAX_RAIL_MILLIVOLTS) as u64
+    circuit::most_microamps_when_one_electrode_of_each_actuator_rises(MAX_RAIL_MILLIVOLTS) as u64
         <= circuit::subtract_percent(TRIP_MICROAMPS as u64, TRIP_TOLERANCE_PERCENT),
     "simultaneous rising edges trip the over-current comparator"
 );

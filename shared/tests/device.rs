@@ -34,8 +34,8 @@ fn a_session_from_hello_to_disarm() {
     assert_eq!(bench.state(), SafetyState::Running);
     assert!(
         bench.board.connected
-            && !bench.board.find_latest_period(0).is_blank()
-            && !bench.board.find_latest_period(1).is_blank()
+            && !bench.board.find_latest_period(0).has_no_windows()
+            && !bench.board.find_latest_period(1).has_no_windows()
     );
     assert_eq!(
         bench.send_request(&Request::SetDrives { drives: Short::new() }),
@@ -66,7 +66,10 @@ fn electrodes_are_in_use_until_their_last_period_ends() {
     bench.send_request(&Request::SetDrives { drives: Short::new() });
     assert_eq!(bench.state(), SafetyState::Armed);
     bench.wait_ms(50);
-    assert!(bench.board.connected && bench.board.find_latest_period(0).is_blank(), "only what comes next is blank");
+    assert!(
+        bench.board.connected && bench.board.find_latest_period(0).has_no_windows(),
+        "only what comes next is blank"
+    );
     bench.wait_ms(200);
     assert!(!bench.board.connected);
 }
@@ -117,7 +120,7 @@ fn drives_that_are_set_while_arming_begin_when_it_is_done() {
     assert!(!bench.board.connected);
     bench.wait_ms(support::ARMING_MS);
     assert_eq!(bench.state(), SafetyState::Running);
-    assert!(bench.board.connected && !bench.board.find_latest_period(1).is_blank());
+    assert!(bench.board.connected && !bench.board.find_latest_period(1).has_no_windows());
 }
 
 /// What was to be driven after an arming is forgotten with it: whoever arms next drives nothing.
@@ -328,7 +331,7 @@ fn drives_are_set_all_or_none() {
     bench.send_request(&one);
     bench.wait_ms(10);
     assert!(
-        bench.board.find_latest_period(0).is_blank() && !bench.board.find_latest_period(1).is_blank(),
+        bench.board.find_latest_period(0).has_no_windows() && !bench.board.find_latest_period(1).has_no_windows(),
         "a channel not named is off"
     );
 }

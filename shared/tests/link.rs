@@ -94,7 +94,7 @@ fn a_port_that_was_open_is_told_to_be_closed_once() {
         let mut port = PortWatch::new(link);
         let told: Vec<Option<usize>> = [false, true, true, false, false, true, false]
             .into_iter()
-            .map(|line| match port.note_line_and_build_arrival_if_closed(line) {
+            .map(|line| match port.note_port_state_and_build_reopened_arrival_if_just_closed(line) {
                 Some((link, LinkArrival::Reopened)) => Some(link),
                 Some((_, LinkArrival::Bytes(_))) => panic!("nothing has been received"),
                 None => None,

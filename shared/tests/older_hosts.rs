@@ -113,7 +113,7 @@ fn a_host_of_version_3_is_answered_in_its_words() {
     ];
     for (code, told) in known {
         let now_us = bench.board.now_us;
-        bench.device.raise_fault(&mut bench.board, code, 0, now_us);
+        bench.device.switch_all_off_and_latch_fault(&mut bench.board, code, 0, now_us);
         let Reply::Faults { latched: Some(fault) } = ask(&mut bench, &Request::Faults) else { panic!() };
         assert_eq!(fault.code, told);
         let Reply::Status(status) = ask(&mut bench, &Request::Status) else { panic!() };

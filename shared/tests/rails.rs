@@ -106,7 +106,7 @@ fn faults_that_cast_doubt_on_the_measurement_are_waited_for() {
         bench.arm_and_await_armed();
         bench.wait_ms(20);
         let now_us = bench.board.now_us;
-        bench.device.raise_fault(&mut bench.board, code, 0, now_us);
+        bench.device.switch_all_off_and_latch_fault(&mut bench.board, code, 0, now_us);
         bench.wait_ms(100);
         assert_eq!(bench.send_request(&Request::ClearFaults), Reply::FaultsCleared, "{code:?}");
         bench.wait_ms(2);

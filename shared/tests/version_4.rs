@@ -26,7 +26,7 @@ fn an_effect_is_played_once_and_the_next_after_it() {
             bench.wait_ms(10);
         }
         let own: Vec<_> = bench.board.preloads.iter().filter(|it| it.channel == 0).collect();
-        let clocks = own.windows(2).filter(|two| !two[0].period.is_blank()).map(|two| two[1].at - two[0].at);
+        let clocks = own.windows(2).filter(|two| !two[0].period.has_no_windows()).map(|two| two[1].at - two[0].at);
         let clocks: u64 = clocks.sum();
         bench.board.preloads.clear();
         clocks as f64 * 150.0 / 170e6
@@ -86,9 +86,9 @@ fn a_reopened_link_ends_its_session() {
     bench.arm_and_await_armed();
     bench.send_request(&make_two_drives_request());
     let [first, second] = &mut bench.ports;
-    bench.device.handle_link_arrival(&mut bench.board, second, &LinkArrival::Reopened, |_| {});
+    bench.device.handle_received_bytes_or_link_reopening(&mut bench.board, second, &LinkArrival::Reopened, |_| {});
     assert_eq!(bench.device.state(), SafetyState::Running, "another link is nobody's session");
-    bench.device.handle_link_arrival(&mut bench.board, first, &LinkArrival::Reopened, |_| {});
+    bench.device.handle_received_bytes_or_link_reopening(&mut bench.board, first, &LinkArrival::Reopened, |_| {});
     assert!(!bench.board.is_live());
     bench.wait_ms(20);
     assert_eq!(bench.state(), SafetyState::Safe, "which is no fault");

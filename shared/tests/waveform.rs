@@ -103,7 +103,7 @@ proptest! {
         cr1: u32, ccmr1: u32, ccmr2: u32, ccer: u32, psc in 0_u32..4, arr in 0_u32..60,
         ccr in prop::array::uniform4(0_u32..70), proper: bool
     ) {
-        let known = TimerRegisters::for_running_timer(&TimerPeriod::blank(1, 2), OUTPUTS);
+        let known = TimerRegisters::for_running_timer(&TimerPeriod::without_windows(1, 2), OUTPUTS);
         let registers = if proper {
             TimerRegisters { psc, arr, ccr, ..known }
         } else {
@@ -264,9 +264,11 @@ fn a_stopped_timer_energises_nothing_and_other_modes_are_refused() {
     assert_eq!(refused(TimerRegisters { ccmr2: running.ccmr2 & !8, ..running }), WindowsError::NotPreloaded);
     assert_eq!(refused(TimerRegisters { ccer: 0x111, ..running }), WindowsError::Outputs(Electrode::A));
     assert_eq!(refused(TimerRegisters { ccmr1: running.ccmr1 & !0x70, ..running }), WindowsError::Mode(Electrode::A));
-    let blank =
-        ElectrodeWindows::from_registers(&TimerRegisters::for_running_timer(&TimerPeriod::blank(3, 56_667), OUTPUTS))
-            .unwrap();
+    let blank = ElectrodeWindows::from_registers(&TimerRegisters::for_running_timer(
+        &TimerPeriod::without_windows(3, 56_667),
+        OUTPUTS,
+    ))
+    .unwrap();
     assert_eq!((blank.a.length, blank.b.length), (0, 0), "a blank period has no windows though outputs are enabled");
 }
 

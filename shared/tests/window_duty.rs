@@ -61,7 +61,7 @@ fn read_latched_fault_code_and_detail(bench: &mut Bench) -> Option<(FaultCode, u
 
 /// Windows of a channel that were played, if no two that follow each other are alike.
 fn count_played(bench: &Bench, channel: usize) -> usize {
-    let played = bench.board.preloads.iter().filter(|it| it.channel == channel && !it.period.is_blank());
+    let played = bench.board.preloads.iter().filter(|it| it.channel == channel && !it.period.has_no_windows());
     played.filter(|it| it.period.divider == 17).count()
 }
 
@@ -145,7 +145,9 @@ fn a_sequence_that_exceeds_the_credit_is_refused_beforehand() {
             continue;
         }
         let Reply::Refused(Refusal::Duty { channel: 0, wait_ms }) = reply else { panic!("{reply:?}") };
-        assert!(bench.board.preloads.iter().all(|it| it.period.is_blank()) && bench.state() == SafetyState::Armed);
+        assert!(
+            bench.board.preloads.iter().all(|it| it.period.has_no_windows()) && bench.state() == SafetyState::Armed
+        );
         // A tenth of the time is earned.
         assert!((10..500).contains(&wait_ms), "{wait_ms}");
         wait_alive(&mut bench, u64::from(wait_ms));

@@ -272,7 +272,8 @@ fn a_sequence_waits_for_its_rails_is_played_once_and_ends() {
     assert!((bench.board.circuit.rails[1] - 800_000.0).abs() < 8_000.0, "{:?}", bench.board.circuit.rails);
     bench.wait_ms(10);
     let of = |channel: usize| {
-        let windows = bench.board.preloads.iter().filter(move |it| it.channel == channel && !it.period.is_blank());
+        let windows =
+            bench.board.preloads.iter().filter(move |it| it.channel == channel && !it.period.has_no_windows());
         windows.map(|it| {
             let (which, window) =
                 if it.period.a.off > 0 { (Electrode::A, it.period.a) } else { (Electrode::B, it.period.b) };
@@ -382,7 +383,8 @@ fn a_stop_ends_a_sequence_and_drives_replace_it() {
     bench.wait_ms(20);
     assert!(matches!(bench.send_request(&make_two_drives_request()), Reply::DrivesSet { .. }));
     bench.wait_ms(60);
-    let plays = |bench: &Bench| bench.board.preloads.iter().any(|it| it.period.divider == 17 && !it.period.is_blank());
+    let plays =
+        |bench: &Bench| bench.board.preloads.iter().any(|it| it.period.divider == 17 && !it.period.has_no_windows());
     assert!(!plays(&bench) && bench.board.is_any_channel_driven(), "the drives, and no window");
     bench.send_request(&make_play_windows_request(2, &make_click_windows()));
     bench.wait_ms(20);

@@ -37,7 +37,7 @@ impl Outbox {
     }
 
     /// Queues an answer for this link, or drops all of it if there is no room: the host then asks again.
-    pub fn queue_answer(&self, answer: &[u8]) {
+    pub fn queue_answer_or_drop_if_full(&self, answer: &[u8]) {
         // Only the device task writes, so the room cannot shrink after this test.
         if self.pipe.free_capacity() < answer.len() {
             defmt::warn!("an answer of {} bytes was dropped, because the host does not read the link", answer.len());
@@ -73,7 +73,7 @@ pub trait ByteSink {
 pub struct Closed;
 
 /// Forwards the bytes that a link receives to the device, for ever.
-pub async fn forward_received_bytes(link: usize, mut source: impl ByteSource) -> ! {
+pub async fn forward_link_openings_and_bytes_to_device(link: usize, mut source: impl ByteSource) -> ! {
     let mut buffer = [0_u8; MAX_PACKET];
     loop {
         source.await_link_opened_by_host().await;

@@ -72,7 +72,7 @@ pub fn open_uart(
 /// Receives for ever.
 #[embassy_executor::task]
 pub async fn receive_from_uart(rx: BufferedUartRx<'static>) -> ! {
-    run_watched(WatchedTask::UartReceive, super::forward_received_bytes(UART, rx)).await
+    run_watched(WatchedTask::UartReceive, super::forward_link_openings_and_bytes_to_device(UART, rx)).await
 }
 
 /// Transmits for ever.

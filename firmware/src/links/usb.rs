@@ -59,7 +59,7 @@ pub async fn run_usb_device(mut device: UsbDevice<'static, UsbDriver>) -> ! {
 /// Receives for ever.
 #[embassy_executor::task]
 pub async fn receive_over_usb(receiver: Receiver<'static, UsbDriver>) -> ! {
-    run_watched(WatchedTask::UsbReceive, super::forward_received_bytes(USB_LINK, receiver)).await
+    run_watched(WatchedTask::UsbReceive, super::forward_link_openings_and_bytes_to_device(USB_LINK, receiver)).await
 }
 
 /// Transmits for ever.
@@ -70,12 +70,12 @@ pub async fn transmit_over_usb(sender: Sender<'static, UsbDriver>) -> ! {
 
 /// Tells the device for ever when a program has closed the port. Its cable may stay: whoever opens the port next is another one.
 #[embassy_executor::task]
-pub async fn watch_usb_line(line: ControlChanged<'static>) -> ! {
+pub async fn watch_dtr_and_report_usb_port_closings(line: ControlChanged<'static>) -> ! {
     run_watched(WatchedTask::UsbLine, async {
         let mut port = PortWatch::new(USB_LINK);
         loop {
             line.control_changed().await;
-            if let Some(arrival) = port.note_line_and_build_arrival_if_closed(line.dtr()) {
+            if let Some(arrival) = port.note_port_state_and_build_reopened_arrival_if_just_closed(line.dtr()) {
                 INBOX.send(arrival).await;
             }
         }

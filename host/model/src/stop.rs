@@ -51,7 +51,7 @@ impl StopRequest {
     }
 
     /// Runs work that this request can end.
-    pub fn run_stoppable<T>(&self, question: impl FnOnce() -> T) -> T {
+    pub fn run_with_self_as_current_stop_request_of_thread<T>(&self, question: impl FnOnce() -> T) -> T {
         // Put back by a panic too.
         struct Before(StopRequest);
         impl Drop for Before {
@@ -76,18 +76,25 @@ mod tests {
         let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
         let stop = StopRequest::default();
         let modes = || compute_modes_with_error_bounds(&scene, Accuracy::FAST, 300.0);
-        assert!(stop.run_stoppable(modes).is_ok());
+        assert!(stop.run_with_self_as_current_stop_request_of_thread(modes).is_ok());
         stop.request_stop();
-        assert_eq!(stop.run_stoppable(modes).unwrap_err(), ModelError::Stopped);
-        let curves = stop.run_stoppable(|| {
+        assert_eq!(stop.run_with_self_as_current_stop_request_of_thread(modes).unwrap_err(), ModelError::Stopped);
+        let curves = stop.run_with_self_as_current_stop_request_of_thread(|| {
             compute_acceleration_curves_per_newton_with_error_bounds(&scene, Accuracy::FAST, (0.1, 0.01), &[100.0])
         });
         assert_eq!(curves.unwrap_err(), CurveError::Model(ModelError::Stopped));
         let late = StopRequest::with_deadline(Instant::now());
-        assert_eq!(late.run_stoppable(modes).unwrap_err(), ModelError::Stopped);
+        assert_eq!(late.run_with_self_as_current_stop_request_of_thread(modes).unwrap_err(), ModelError::Stopped);
         assert!(late.is_stop_requested_or_deadline_over() && !late.is_stop_requested_by_somebody());
         // Others on this thread are not, and within it neither.
-        assert!(modes().is_ok() && stop.run_stoppable(|| StopRequest::default().run_stoppable(modes)).is_ok());
+        assert!(
+            modes().is_ok()
+                && stop
+                    .run_with_self_as_current_stop_request_of_thread(
+                        || StopRequest::default().run_with_self_as_current_stop_request_of_thread(modes)
+                    )
+                    .is_ok()
+        );
     }
 
     /// A level that was found before is no answer to somebody who has gone.
@@ -116,7 +123,7 @@ mod tests {
         }
         let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
         let stop = StopRequest::default();
-        let found = stop.run_stoppable(|| {
+        let found = stop.run_with_self_as_current_stop_request_of_thread(|| {
             crate::model::bounded::answer_with_error_bounds(&Once(stop.clone()), &scene, Accuracy::FAST, 300.0)
         });
         assert_eq!(found.unwrap_err(), ModelError::Stopped);

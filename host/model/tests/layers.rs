@@ -196,7 +196,10 @@ fn mistakes_are_named() {
     let cases: [(String, &[&str]); 11] = [
         (
             format!("thickness_mm = 2.1\n{two}"),
-            &["surface.thickness_mm is 2.1", "must be 2, the sum of the thicknesses of all [[layer]] tables, or be left out"],
+            &[
+                "surface.thickness_mm is 2.1",
+                "must be 2, the sum of the thicknesses of all [[layer]] tables, or be left out",
+            ],
         ),
         (format!("{surface}{two}"), &["surface.material is given", "left out, because every [[layer]]"]),
         (birch("angle_deg = 45"), &["layer[1].angle_deg is 45", "0 or 90"]),
@@ -239,10 +242,10 @@ fn random_panel(random: &mut RandomSequence) -> Scene {
     let mut parts = layer(
         (random.next_between(0.5, 2.5) * 100.0).round() / 100.0,
         material,
-        if random.is_true_with_probability(0.5) { "angle_deg = 90" } else { "" },
+        if random.next_true_with_probability(0.5) { "angle_deg = 90" } else { "" },
     );
     parts.push_str("[surface.damping]\nloss_factor = 0.02\n");
-    if random.is_true_with_probability(0.2) {
+    if random.next_true_with_probability(0.2) {
         let _ = write!(
             parts,
             "[[cutout]]\nx_mm = {}\ny_mm = {}\nlength_mm = {}\nwidth_mm = {}\n",
@@ -268,7 +271,7 @@ fn random_panel(random: &mut RandomSequence) -> Scene {
     }
     let place = |random: &mut RandomSequence| {
         let part = |random: &mut RandomSequence| {
-            if random.is_true_with_probability(0.2) {
+            if random.next_true_with_probability(0.2) {
                 random.pick_one_of(&[0.0, 0.02, 1.0])
             } else {
                 random.next_unit_number()

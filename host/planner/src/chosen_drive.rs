@@ -52,7 +52,7 @@ impl PartialEq for PlanDrives {
 
 /// Whether one frequency is an odd harmonic of the other, or so near that the beat is slower than
 /// [`SLOWEST_BEAT_HZ`].
-pub(super) fn is_one_nearly_odd_harmonic_of_other(a_hz: f64, b_hz: f64) -> bool {
+pub(super) fn is_one_near_3rd_5th_or_7th_harmonic_of_other(a_hz: f64, b_hz: f64) -> bool {
     let (low, high) = (a_hz.min(b_hz), a_hz.max(b_hz));
     MEETING.iter().any(|n| (n * low - high).abs() <= SLOWEST_BEAT_HZ)
 }

@@ -38,7 +38,7 @@ pub struct Drive {
 }
 
 /// The drives with their channels: actuator i of the scene is on channel i of the board.
-pub fn assign_channels<'a>(drives: impl IntoIterator<Item = &'a Drive>) -> Vec<SiDrive> {
+pub fn assign_channels_in_order_of_drives<'a>(drives: impl IntoIterator<Item = &'a Drive>) -> Vec<SiDrive> {
     let on = |(channel, drive): (u8, &Drive)| {
         let Drive { frequency_hz, voltage_v, pulse_width, phase_rad, .. } = *drive;
         SiDrive { channel, frequency_hz, voltage_v, pulse_width, phase_rad }

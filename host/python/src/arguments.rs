@@ -37,7 +37,7 @@ impl GivenTolerance {
 }
 
 /// `tolerance` and `within_s`: the latter comes first, balanced if there is neither.
-pub fn accuracy_within_time_or_tolerance(
+pub fn accuracy_from_either_tolerance_or_time_limit_or_balanced(
     tolerance: Option<GivenTolerance>,
     within_s: Option<f64>,
 ) -> Result<Accuracy, Raised> {
@@ -227,7 +227,11 @@ impl FourNumbers {
     }
 
     /// The same where the first two are a place on the surface.
-    pub fn check_place_in_first_two(&self, scene: &Scene, field: &str) -> Result<[f64; 4], Raised> {
+    pub fn four_numbers_checking_first_two_are_place_on_surface(
+        &self,
+        scene: &Scene,
+        field: &str,
+    ) -> Result<[f64; 4], Raised> {
         let [x_m, y_m, radius_m, at_most_g] = self.check_unmasked_numbers(field)?;
         let (x_m, y_m) = check_coordinates_on_surface_m(scene, field, (x_m, y_m))?;
         Ok([x_m, y_m, radius_m, at_most_g])

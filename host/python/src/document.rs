@@ -81,21 +81,28 @@ fn mapping_entries<'py>(mapping: &Bound<'py, PyMapping>) -> PyResult<Vec<(Bound<
 }
 
 /// Changes `table` by keywords: mappings change what they name, `None` takes away, everything else replaces.
-pub fn change_table_by_keywords(table: &mut Table, keywords: &Bound<'_, PyDict>) -> PyResult<()> {
+pub fn merge_keywords_into_table_removing_keys_set_to_none(
+    table: &mut Table,
+    keywords: &Bound<'_, PyDict>,
+) -> PyResult<()> {
     for (key, value) in keywords {
-        change_value_of_key(table, &key.extract::<String>()?, &value)?;
+        merge_mapping_into_or_replace_or_remove_value_of_key(table, &key.extract::<String>()?, &value)?;
     }
     Ok(())
 }
 
-fn change_value_of_key(table: &mut Table, key: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+fn merge_mapping_into_or_replace_or_remove_value_of_key(
+    table: &mut Table,
+    key: &str,
+    value: &Bound<'_, PyAny>,
+) -> PyResult<()> {
     match (table.get_mut(key), value.cast::<PyMapping>()) {
         (Some(Value::Table(inner)), Ok(mapping)) => {
             for (key, value) in mapping_entries(mapping)? {
-                change_value_of_key(inner, &key.extract::<String>()?, &value)?;
+                merge_mapping_into_or_replace_or_remove_value_of_key(inner, &key.extract::<String>()?, &value)?;
             }
         }
-        (Some(Value::Array(list)), Ok(mapping)) => change_tables_of_list(key, list, mapping)?,
+        (Some(Value::Array(list)), Ok(mapping)) => change_or_remove_list_entries_by_index_or_name(key, list, mapping)?,
         _ => match toml_value_from_python_unless_none(value)? {
             Some(value) => {
                 table.insert(key.to_owned(), value);
@@ -109,14 +116,18 @@ fn change_value_of_key(table: &mut Table, key: &str, value: &Bound<'_, PyAny>) -
 }
 
 /// Changes entries of a list, each by its index from 0 (or from -1 for the last) or by its name.
-fn change_tables_of_list(key: &str, list: &mut Vec<Value>, mapping: &Bound<'_, PyMapping>) -> PyResult<()> {
+fn change_or_remove_list_entries_by_index_or_name(
+    key: &str,
+    list: &mut Vec<Value>,
+    mapping: &Bound<'_, PyMapping>,
+) -> PyResult<()> {
     let mut gone = Vec::new();
     for (which, value) in mapping_entries(mapping)? {
         let at = index_of_list_entry_by_number_or_name(key, list, &which)?;
         match (list.get_mut(at), value.cast::<PyMapping>()) {
             (Some(Value::Table(entry)), Ok(changes)) => {
                 for (key, value) in mapping_entries(changes)? {
-                    change_value_of_key(entry, &key.extract::<String>()?, &value)?;
+                    merge_mapping_into_or_replace_or_remove_value_of_key(entry, &key.extract::<String>()?, &value)?;
                 }
             }
             (Some(slot), _) => match toml_value_from_python_unless_none(&value)? {

@@ -1,6 +1,6 @@
 //! `effect`: clicks, buzzes, pulses, textures for a place.
 
-use crate::arguments::{GivenPlace, GivenTolerance, accuracy_within_time_or_tolerance as asked};
+use crate::arguments::{GivenPlace, GivenTolerance, accuracy_from_either_tolerance_or_time_limit_or_balanced as asked};
 use crate::errors::Raised;
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
 use crate::results::{parse_json_to_python, serialise_to_json};
@@ -165,7 +165,7 @@ pub fn design_effect_for_place(
     });
     let prefer = prefer.transpose()?;
     let request = EffectRequest { effect: named, duration_ms, count, period_ms, crisp_ms, prefer };
-    request.build_envelope().map_err(|error| Raised::from(DesignError::from(error)))?;
+    request.build_envelope_or_plain_push_if_click().map_err(|error| Raised::from(DesignError::from(error)))?;
     let intensity = intensity_g.map(Intensity::G).or(intensity_db.map(Intensity::AboveThresholdDb));
     let target = Target { x_m, y_m, intensity_g };
     let design_with = move |table: &PlanTable| -> Result<Effect, Raised> {

@@ -154,10 +154,10 @@ impl Raised {
     }
 
     /// A `grid` of so many points that a result would have too many values; `other` is what else makes the result smaller.
-    pub fn grid_with_too_many_values(points: usize, values: &str, most: &str, other: &str) -> Self {
+    pub fn grid_with_too_many_values(points: usize, values: &str, most: &str, other_remedy: &str) -> Self {
         let text = format!(
             "grid has {points} points, which makes {values} values, but the result may have at most {most} values: use \
-             fewer points or {other}"
+             fewer points or {other_remedy}"
         );
         Self::wrong_argument_with_text("grid", points, format!("at most {most} values in the result"), text)
     }

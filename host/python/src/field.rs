@@ -1,6 +1,6 @@
 //! `field`: a touch over the whole surface.
 
-use crate::arguments::{GivenPlace, GivenTolerance, accuracy_within_time_or_tolerance as asked};
+use crate::arguments::{GivenPlace, GivenTolerance, accuracy_from_either_tolerance_or_time_limit_or_balanced as asked};
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
 use crate::results::{ToleranceVerdict, read_only_array, read_only_array_of_shape, values_or_nan};
 use crate::scene::PyScene;

@@ -32,7 +32,7 @@ mod verify;
 /// The compiled part of `era`.
 #[pymodule]
 mod _era {
-    use crate::pickles::restore_from_fields;
+    use crate::pickles::restore_from_fields_making_arrays_read_only;
     use numpy::PyArray1;
     use pyo3::exceptions::PyValueError;
     use pyo3::prelude::*;
@@ -53,21 +53,21 @@ mod _era {
     #[pyo3(name = "_restore", signature = (result, fields, /))]
     fn restore_result<'py>(py: Python<'py>, result: &str, fields: &Bound<'py, PyDict>) -> PyResult<Py<PyAny>> {
         match result {
-            "Design" => restore_from_fields::<Design>(py, fields),
-            "Drive" => restore_from_fields::<Drive>(py, fields),
-            "Effect" => restore_from_fields::<Effect>(py, fields),
-            "Field" => restore_from_fields::<Field>(py, fields),
-            "Modes" => restore_from_fields::<Modes>(py, fields),
-            "Plan" => restore_from_fields::<Plan>(py, fields),
-            "Press" => restore_from_fields::<Press>(py, fields),
-            "Predicted" => restore_from_fields::<Predicted>(py, fields),
-            "QuietResult" => restore_from_fields::<QuietResult>(py, fields),
-            "Reach" => restore_from_fields::<Reach>(py, fields),
-            "Response" => restore_from_fields::<Response>(py, fields),
-            "Sweep" => restore_from_fields::<Sweep>(py, fields),
-            "TargetResult" => restore_from_fields::<TargetResult>(py, fields),
-            "Transient" => restore_from_fields::<Transient>(py, fields),
-            "Verification" => restore_from_fields::<Verification>(py, fields),
+            "Design" => restore_from_fields_making_arrays_read_only::<Design>(py, fields),
+            "Drive" => restore_from_fields_making_arrays_read_only::<Drive>(py, fields),
+            "Effect" => restore_from_fields_making_arrays_read_only::<Effect>(py, fields),
+            "Field" => restore_from_fields_making_arrays_read_only::<Field>(py, fields),
+            "Modes" => restore_from_fields_making_arrays_read_only::<Modes>(py, fields),
+            "Plan" => restore_from_fields_making_arrays_read_only::<Plan>(py, fields),
+            "Press" => restore_from_fields_making_arrays_read_only::<Press>(py, fields),
+            "Predicted" => restore_from_fields_making_arrays_read_only::<Predicted>(py, fields),
+            "QuietResult" => restore_from_fields_making_arrays_read_only::<QuietResult>(py, fields),
+            "Reach" => restore_from_fields_making_arrays_read_only::<Reach>(py, fields),
+            "Response" => restore_from_fields_making_arrays_read_only::<Response>(py, fields),
+            "Sweep" => restore_from_fields_making_arrays_read_only::<Sweep>(py, fields),
+            "TargetResult" => restore_from_fields_making_arrays_read_only::<TargetResult>(py, fields),
+            "Transient" => restore_from_fields_making_arrays_read_only::<Transient>(py, fields),
+            "Verification" => restore_from_fields_making_arrays_read_only::<Verification>(py, fields),
             _ => Err(PyValueError::new_err(format!(
                 "this version of era has no class of results with the name {result}"
             ))),

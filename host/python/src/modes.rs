@@ -155,7 +155,7 @@ pub fn compute_modes(
     within_s: Option<f64>,
 ) -> PyResult<Modes> {
     let scene = scene.shared_scene();
-    let accuracy = arguments::accuracy_within_time_or_tolerance(tolerance, within_s)?;
+    let accuracy = arguments::accuracy_from_either_tolerance_or_time_limit_or_balanced(tolerance, within_s)?;
     let grid = grid.map(arguments::check_columns_and_rows).transpose()?.map(|grid| scene.surface_grid_lines_m(grid));
     let doubts = validity::list_thin_plate_warnings(&scene, max_hz);
     let layers = laminate_as_dict_if_layered(py, &scene)?;

@@ -50,7 +50,10 @@ pub fn reduce_for_pickle<'py, T: PickledFields>(py: Python<'py>, result: &T) -> 
 }
 
 /// A result of its fields. Arrays are locked again: pickle makes them anew, and forgets that.
-pub fn restore_from_fields<'py, T>(py: Python<'py>, fields: &Bound<'py, PyDict>) -> PyResult<Py<PyAny>>
+pub fn restore_from_fields_making_arrays_read_only<'py, T>(
+    py: Python<'py>,
+    fields: &Bound<'py, PyDict>,
+) -> PyResult<Py<PyAny>>
 where
     T: PickledFields + Into<PyClassInitializer<T>>,
 {

@@ -1,14 +1,15 @@
 //! `plan`: drives for a touch, or for several.
 
 use crate::arguments::{
-    FourNumbers, GivenPlace, GivenTarget, GivenTolerance, accuracy_within_time_or_tolerance as asked,
+    FourNumbers, GivenPlace, GivenTarget, GivenTolerance,
+    accuracy_from_either_tolerance_or_time_limit_or_balanced as asked,
 };
 use crate::errors::Raised;
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
 use crate::request::PlanArguments;
 use crate::results::{ToleranceVerdict, parse_json_to_python, serialise_to_json};
 use crate::scene::PyScene;
-use crate::tables::{run_with_plan_table, run_with_table_touched_by_scene_finger};
+use crate::tables::{run_with_cached_plan_table_emitting_model_warnings, run_with_table_touched_by_scene_finger};
 use era_model::model::Bound as ErrorBound;
 use era_planner::effects::set_missing_target_peaks_from_level_if_given;
 use era_planner::{Objective, Plan as Found, PlanTable};
@@ -393,7 +394,7 @@ pub fn plan_touch(
         Ok((found, ToleranceVerdict::check_whether_bounds_meet_tolerance(&[bound], accuracy), told))
     };
     let (found, asked, told) = if is_anywhere {
-        run_with_plan_table(py, &scene, accuracy, plan_with)?
+        run_with_cached_plan_table_emitting_model_warnings(py, &scene, accuracy, plan_with)?
     } else {
         run_with_table_touched_by_scene_finger(py, &scene, accuracy, places, plan_with)?
     };

@@ -1,11 +1,11 @@
 //! `press`: what a finger's press does to the gaps of actuators.
 
-use crate::arguments::{GivenTolerance, accuracy_within_time_or_tolerance as asked};
+use crate::arguments::{GivenTolerance, accuracy_from_either_tolerance_or_time_limit_or_balanced as asked};
 use crate::errors::Raised;
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
 use crate::results::{parse_json_to_python, read_only_array, read_only_array_of_shape, serialise_to_json};
 use crate::scene::PyScene;
-use crate::tables::run_with_plan_table;
+use crate::tables::run_with_cached_plan_table_emitting_model_warnings;
 use era_planner::PressedActuator;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -131,8 +131,9 @@ pub fn compute_press_report(
         }
         Arc::make_mut(&mut scene).press_n = force_n;
     }
-    let report =
-        run_with_plan_table(py, &scene, accuracy, |table| Ok(era_planner::press_report::build_press_report(table)))?;
+    let report = run_with_cached_plan_table_emitting_model_warnings(py, &scene, accuracy, |table| {
+        Ok(era_planner::press_report::build_press_report(table))
+    })?;
     let report_json = serialise_to_json(&report)?;
     let of = |figure: fn(&PressedActuator) -> f64| read_only_array(py, report.actuators.iter().map(figure).collect());
     let places = report.actuators.iter().flat_map(|own| own.at_mm.map(|at_mm| at_mm / 1e3)).collect();

@@ -1,11 +1,13 @@
 //! `reach`: what a panel's actuators can do at all, point by point.
 
-use crate::arguments::{FourNumbers, GivenTolerance, accuracy_within_time_or_tolerance as asked};
+use crate::arguments::{
+    FourNumbers, GivenTolerance, accuracy_from_either_tolerance_or_time_limit_or_balanced as asked,
+};
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
 use crate::request::check_zone_on_surface;
 use crate::results::{read_only_array, read_only_array_of_shape, values_or_nan};
 use crate::scene::PyScene;
-use crate::tables::run_with_plan_table;
+use crate::tables::run_with_cached_plan_table_emitting_model_warnings;
 use era_model::model::BarePanel;
 use era_planner::TableOptions;
 use era_planner::maps::ReachMaps;
@@ -120,7 +122,7 @@ pub fn compute_reach_maps(
     let scene = scene.shared_scene();
     let accuracy = asked(tolerance, None)?;
     let region = check_zone_on_surface(&scene, zone_m)?;
-    let (maps, [x_m, y_m]) = run_with_plan_table(py, &scene, accuracy, move |table| {
+    let (maps, [x_m, y_m]) = run_with_cached_plan_table_emitting_model_warnings(py, &scene, accuracy, move |table| {
         let table = match (from_hz, to_hz) {
             (None, None) => Cow::Borrowed(table),
             _ => Cow::Owned(table.clone().restrict_to_band(from_hz, to_hz)?),
@@ -131,7 +133,7 @@ pub fn compute_reach_maps(
             Some(_) => {
                 let options = TableOptions::default();
                 let panel = BarePanel::build(&table.scene, accuracy, options.to_hz)?;
-                ReachMaps::compute_with_finger_bounding_weakest_error(
+                ReachMaps::compute_with_finger_and_error_bound_of_weakest_point(
                     &table,
                     region,
                     TouchedPanel::new(&panel, &table.scene, &table),

@@ -29,7 +29,8 @@ impl PlanArguments {
             request.targets.push(Target { x_m, y_m, intensity_g });
         }
         for (i, spared) in self.quiet.into_iter().enumerate() {
-            let [x_m, y_m, radius_m, at_most_g] = spared.check_place_in_first_two(scene, &format!("quiet[{i}]"))?;
+            let [x_m, y_m, radius_m, at_most_g] =
+                spared.four_numbers_checking_first_two_are_place_on_surface(scene, &format!("quiet[{i}]"))?;
             request.quiet.push(QuietZone { x_m, y_m, radius_m, at_most_g });
         }
         request.objective = parse_enum_word("objective", &self.objective, "\"contrast\", \"reach\" or \"power\"")?;

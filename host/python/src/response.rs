@@ -110,14 +110,14 @@ pub fn compute_response(
     let scene = scene.shared_scene();
     let at_m = at_m.check_place_on_surface_m(&scene, "at_m")?;
     let frequencies_hz = arguments::check_frequencies_hz(frequency_hz, 0.0)?;
-    let accuracy = arguments::accuracy_within_time_or_tolerance(tolerance, within_s)?;
+    let accuracy = arguments::accuracy_from_either_tolerance_or_time_limit_or_balanced(tolerance, within_s)?;
     refuse_scene_without_actuators(&scene)?;
     emit_model_warnings(
         py,
         validity::list_thin_plate_warnings(&scene, frequencies_hz.iter().copied().fold(0.0, f64::max)),
     )?;
     // With the finger on the point, where the scene has one.
-    let scene = scene.with_finger_at_places(&[at_m]);
+    let scene = scene.replace_finger_by_masses_and_supports_at_places(&[at_m]);
     let actuators = scene.actuators.iter().map(|actuator| actuator.id.clone()).collect();
     let (found, frequencies_hz) = run_in_pool_interruptibly(py, move || {
         Ok((

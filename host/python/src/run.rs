@@ -29,18 +29,18 @@ pub struct WorkPool {
 
 impl WorkPool {
     /// What tells that nobody waits any more.
-    pub fn stop_request(&self) -> StopRequest {
+    pub fn clone_stop_request_handle(&self) -> StopRequest {
         self.stop.clone()
     }
 
     /// Does it.
     pub fn run_in_pool_with_stop_request<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
-        self.threads.install(|| self.stop.run_stoppable(work))
+        self.threads.install(|| self.stop.run_with_self_as_current_stop_request_of_thread(work))
     }
 }
 
 /// The end of work that was stopped; whoever stopped it does not wait for it.
-pub fn stopped_computation() -> Raised {
+pub fn error_of_stopped_computation() -> Raised {
     Raised::unavailable_resource("the computation was stopped")
 }
 

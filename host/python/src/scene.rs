@@ -253,7 +253,7 @@ impl PyScene {
     fn with_changes(&self, py: Python<'_>, changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let mut table = self.parse_toml_table();
         if let Some(changes) = changes {
-            document::change_table_by_keywords(&mut table, changes)?;
+            document::merge_keywords_into_table_removing_keys_set_to_none(&mut table, changes)?;
         }
         Self::from_toml_table(py, &table)
     }

@@ -8,12 +8,12 @@ use crate::design::Design;
 use crate::errors::{Raised, build_scene_exception};
 use crate::results::{convert_to_python_by_json, read_only_array};
 use crate::run::{
-    run_in_own_thread_interruptibly, run_in_own_thread_interruptibly_with_progress, run_in_pool_interruptibly,
-    stopped_computation,
+    error_of_stopped_computation, run_in_own_thread_interruptibly, run_in_own_thread_interruptibly_with_progress,
+    run_in_pool_interruptibly,
 };
 use crate::scene::PyScene;
 use crate::study_progress::ProgressObserver;
-use crate::tables::run_with_plan_table;
+use crate::tables::run_with_cached_plan_table_emitting_model_warnings;
 use era_model::model::Accuracy;
 use era_model::text_file::read_text_file;
 use era_study::evaluate::{Evaluator, QuickEvaluator, ThoroughEvaluator};
@@ -99,7 +99,7 @@ impl PyStudy {
         bytes: &[u8],
     ) -> Result<Vec<DesignRow>, Raised> {
         decode_task_rows_if_of_study_and_task(&self.study.fingerprint(), task, bytes)
-            .ok_or_else(|| refuse_other_bytes(field, task))
+            .ok_or_else(|| error_of_bytes_not_from_this_study_and_task(field, task))
     }
 
     /// The names of objectives or constraints.
@@ -118,12 +118,12 @@ impl PyStudy {
     }
 
     fn open_or_create_study_folder(&self, folder: PathBuf) -> Result<StudyFolder, Raised> {
-        Ok(StudyFolder::open_or_create(&folder, self.study.fingerprint())?)
+        Ok(StudyFolder::open_or_create_refusing_folder_of_other_study(&folder, self.study.fingerprint())?)
     }
 }
 
 /// The error of bytes that are not rows of this study and task.
-fn refuse_other_bytes(field: &str, task: StudyTask) -> Raised {
+fn error_of_bytes_not_from_this_study_and_task(field: &str, task: StudyTask) -> Raised {
     let allowed = format!("the bytes that compute(\"{task}\") returned for the same study in the same version of era");
     let text = format!("{field} must contain {allowed}, but contains other bytes");
     Raised::wrong_argument_with_text(field, "other bytes", allowed, text)
@@ -186,7 +186,7 @@ impl PyStudy {
 
     /// The scene as it is.
     #[getter(scene)]
-    fn build_python_scene_of_file<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    fn build_python_scene_from_stored_text<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         py.get_type::<PyScene>().getattr("from_toml")?.call1((&self.scene_text,))
     }
 
@@ -299,15 +299,18 @@ impl PyStudy {
             return Err(Raised::wrong_argument("threads", 0, "at least 1").into());
         }
         let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
-        let work =
-            move || study.compute_task_rows_unless_stopped(task, &losses, &*evaluator).ok_or_else(stopped_computation);
+        let work = move || {
+            study.compute_task_rows_unless_stopped(task, &losses, &*evaluator).ok_or_else(error_of_stopped_computation)
+        };
         let rows = match threads {
             None => run_in_pool_interruptibly(py, work)?,
             Some(threads) => run_in_own_thread_interruptibly(py, move |waited_for| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
                     Raised::unavailable_resource(format!("cannot start threads for the computation: {error}"))
                 })?;
-                pool.install(|| waited_for.stop_request().run_stoppable(work))
+                pool.install(|| {
+                    waited_for.clone_stop_request_handle().run_with_self_as_current_stop_request_of_thread(work)
+                })
             })?,
         };
         let bytes = encode_task_rows(&self.study.fingerprint(), task, &rows).map_err(Raised::unavailable_resource)?;
@@ -363,7 +366,7 @@ impl PyStudy {
         let point = point.check_in_unit_cube(self.study.space.dimensions().len())?;
         let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
         let row = run_in_pool_interruptibly(py, move || {
-            study.compute_row_at_point_unless_stopped(point, &*evaluator).ok_or_else(stopped_computation)
+            study.compute_row_at_point_unless_stopped(point, &*evaluator).ok_or_else(error_of_stopped_computation)
         })?;
         Design::from_row(py, &self.study, row)
     }
@@ -418,7 +421,7 @@ impl PyStudy {
     /// -------
     /// bytes or None
     #[pyo3(name = "kept")]
-    fn read_task_rows<'py>(
+    fn read_encoded_task_rows_if_complete<'py>(
         &self,
         py: Python<'py>,
         folder: PathBuf,
@@ -455,7 +458,7 @@ impl PyStudy {
         if folder.write_encoded_task_rows_if_of_study(task, rows)? {
             return Ok(());
         }
-        Err(refuse_other_bytes("rows", task))
+        Err(error_of_bytes_not_from_this_study_and_task("rows", task))
     }
 
     /// Computes what is not in a folder yet, here.
@@ -492,14 +495,14 @@ impl PyStudy {
             Ok(())
         };
         run_in_own_thread_interruptibly_with_progress(py, tell, move |pool| {
-            let watched = ProgressObserver { stop: pool.stop_request(), done: AtomicUsize::new(0), more };
+            let watched = ProgressObserver { stop: pool.clone_stop_request_handle(), done: AtomicUsize::new(0), more };
             let ended = pool.run_in_pool_with_stop_request(|| {
                 era_study::run::compute_missing_rows_of_shard(&study, &folder, &*evaluator, Shard::ALL, &watched)
             })?;
             match ended {
                 RunEnd::Done => Ok(watched.done.load(Ordering::Relaxed)),
                 // Nobody waits for it.
-                RunEnd::Early => Err(stopped_computation()),
+                RunEnd::Early => Err(error_of_stopped_computation()),
             }
         })
     }
@@ -528,12 +531,21 @@ impl PyStudy {
     /// ModelWarning
     ///     Gaps of the scene as it is do not bear its press.
     #[pyo3(name = "write")]
-    fn verify_and_write_results_into<'py>(&self, py: Python<'py>, folder: PathBuf) -> PyResult<Bound<'py, PyAny>> {
+    fn verify_and_write_results_into_folder_and_return_summary<'py>(
+        &self,
+        py: Python<'py>,
+        folder: PathBuf,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let own = self.open_or_create_study_folder(folder.clone())?;
         let study = self.study.clone();
         // Of the scene itself, not of each design, as there are many, which lack the same stops. Where it cannot be modelled its own row says why.
-        if let Some(scene) = study.space.base_scene_if_any_grounded_actuator_lacks_stop() {
-            let told = run_with_plan_table(py, &Arc::new(scene), Accuracy::BALANCED, |_| Ok(()));
+        if let Some(scene) = study.space.base_scene_if_any_ground_mounted_actuator_lacks_end_stop() {
+            let told = run_with_cached_plan_table_emitting_model_warnings(
+                py,
+                &Arc::new(scene),
+                Accuracy::BALANCED,
+                |_| Ok(()),
+            );
             let ours = py.import("era._errors")?.getattr("EraError")?;
             if let Err(error) = told
                 && !error.is_instance(py, &ours)
@@ -542,7 +554,7 @@ impl PyStudy {
             }
         }
         let summary = run_in_own_thread_interruptibly(py, move |pool| {
-            let stop = pool.stop_request();
+            let stop = pool.clone_stop_request_handle();
             let written = pool.run_in_pool_with_stop_request(|| {
                 verify_and_write_results_unless_stopped(&study, &own, &|| stop.is_stop_requested_or_deadline_over())
             })?;
@@ -565,7 +577,7 @@ impl PyStudy {
     ///     each figure's name with `_low` and `_high` has its least and most over all samples of that. `weakest_x_mm` and `weakest_y_mm` are the weakest place of
     ///     the first figure that has one, if any does, NaN for a design that failed.
     #[pyo3(name = "table")]
-    fn build_design_table<'py>(&self, py: Python<'py>, folder: PathBuf) -> PyResult<Bound<'py, PyDict>> {
+    fn gather_design_table_from_folder<'py>(&self, py: Python<'py>, folder: PathBuf) -> PyResult<Bound<'py, PyDict>> {
         let table = DesignTable::gather_from_folder(&self.study, &self.open_or_create_study_folder(folder)?)
             .map_err(Raised::from)?;
         let rows = || std::iter::once(&table.base).chain(&table.entries);
@@ -599,7 +611,7 @@ impl PyStudy {
             found.set_item(wanted.column_name(), read_only_array(py, rows().map(value).collect()))?;
             if table.has_ends {
                 let ends = |own: &TableEntry| {
-                    own.row.least_and_most_of_figure_unless_failed(k).unwrap_or((f64::NAN, f64::NAN))
+                    own.row.least_and_most_of_figure_over_samples_unless_failed(k).unwrap_or((f64::NAN, f64::NAN))
                 };
                 let (low, high): (Vec<f64>, Vec<f64>) = rows().map(ends).unzip();
                 found.set_item(format!("{}_low", wanted.column_name()), read_only_array(py, low))?;
@@ -622,6 +634,6 @@ impl PyStudy {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyType>, ConstructorArguments<'py>)> {
-        Ok((py.get_type::<Self>(), (self.text.clone(), self.build_python_scene_of_file(py)?)))
+        Ok((py.get_type::<Self>(), (self.text.clone(), self.build_python_scene_from_stored_text(py)?)))
     }
 }

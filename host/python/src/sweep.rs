@@ -8,7 +8,7 @@ use crate::run::run_in_pool_interruptibly;
 use crate::scene::PyScene;
 use era_model::model::{Accuracy, BoundedAnswer, validity};
 use era_model::response::sweep::{AccelerationSweep as Found, Arithmetic};
-use era_model::response::{MOST_SWEEP_VALUES, SINGLE_DOES, sweep_with_error_bounds};
+use era_model::response::{MOST_SWEEP_VALUES, SINGLE_DOES, compute_acceleration_sweep_per_newton_with_error_bounds};
 use era_model::scene::Scene;
 use num_complex::Complex;
 use numpy::{Element, PyArray1};
@@ -124,7 +124,7 @@ pub fn sweep_frequencies(
 ) -> PyResult<Sweep> {
     let scene = scene.shared_scene();
     let frequencies_hz = arguments::check_frequencies_hz(frequency_hz, f64::MIN_POSITIVE)?;
-    let accuracy = arguments::accuracy_within_time_or_tolerance(tolerance, within_s)?;
+    let accuracy = arguments::accuracy_from_either_tolerance_or_time_limit_or_balanced(tolerance, within_s)?;
     let (x_m, y_m) = scene.surface_grid_lines_m(arguments::check_columns_and_rows(grid)?);
     refuse_scene_without_actuators(&scene)?;
     check_number_of_values(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
@@ -148,7 +148,8 @@ where
     type Answer<T> = (BoundedAnswer<Found<T>>, Vec<Complex<T>>, SweepQuestion);
     let work = move |question: SweepQuestion| -> Result<Answer<T>, Raised> {
         let SweepQuestion { scene, accuracy, x_m, y_m, frequencies_hz } = &question;
-        let found = sweep_with_error_bounds::<T>(scene, *accuracy, (x_m, y_m), frequencies_hz)?;
+        let found =
+            compute_acceleration_sweep_per_newton_with_error_bounds::<T>(scene, *accuracy, (x_m, y_m), frequencies_hz)?;
         let values = found.answer.re.iter().zip(&found.answer.im).map(|(re, im)| Complex::new(*re, *im)).collect();
         Ok((found, values, question))
     };

@@ -33,18 +33,19 @@ pub fn run_with_table_touched_by_scene_finger<T: Send + 'static>(
     finger_places_m: Vec<(f64, f64)>,
     work: impl FnOnce(&PlanTable) -> Result<T, Raised> + Send + 'static,
 ) -> PyResult<T> {
-    run_with_plan_table(py, scene, accuracy, move |table| {
+    run_with_cached_plan_table_emitting_model_warnings(py, scene, accuracy, move |table| {
         if table.scene.finger.is_none() {
             return work(table);
         }
-        let (touched, options) = (table.scene.with_finger_at_places(&finger_places_m), TableOptions::default());
+        let (touched, options) =
+            (table.scene.replace_finger_by_masses_and_supports_at_places(&finger_places_m), TableOptions::default());
         let levels = ReducedLevels::build(&touched, accuracy, options.to_hz)?;
-        work(&table.build_with_fingers_on(&touched, levels, options)?)
+        work(&table.build_for_scene_with_fingers_keeping_press_effects(&touched, levels, options)?)
     })
 }
 
 /// Works with the table of a scene, which is computed if it is not kept. Warns of what is wrong with the panel.
-pub fn run_with_plan_table<T: Send + 'static>(
+pub fn run_with_cached_plan_table_emitting_model_warnings<T: Send + 'static>(
     py: Python<'_>,
     scene: &Arc<Scene>,
     accuracy: Accuracy,

@@ -1,6 +1,6 @@
 //! `transient`: motion after drives are switched on.
 
-use crate::arguments::{GivenPlace, GivenTolerance, accuracy_within_time_or_tolerance as asked};
+use crate::arguments::{GivenPlace, GivenTolerance, accuracy_from_either_tolerance_or_time_limit_or_balanced as asked};
 use crate::errors::{Raised, emit_model_warnings};
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
 use crate::results::read_only_array;

@@ -1,11 +1,11 @@
 //! `verify`: prediction against the simulated device.
 
-use crate::arguments::{GivenPlace, GivenTolerance, accuracy_within_time_or_tolerance as asked};
+use crate::arguments::{GivenPlace, GivenTolerance, accuracy_from_either_tolerance_or_time_limit_or_balanced as asked};
 use crate::errors::Raised;
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
 use crate::results::{parse_json_to_python, read_only_array, read_only_array_of_shape, serialise_to_json};
 use crate::scene::PyScene;
-use crate::tables::run_with_plan_table;
+use crate::tables::run_with_cached_plan_table_emitting_model_warnings;
 use era::verify::{SimulationComparison, compare_plans_at_points_with_simulation, spread_points_over};
 use era_planner::{DEFAULT_INTENSITY_G, Target};
 use numpy::{PyArray1, PyArray2};
@@ -154,7 +154,7 @@ pub fn compare_plans_with_simulation(
     };
     let target = |&(x_m, y_m): &(f64, f64)| Target { x_m, y_m, intensity_g: Some(intensity_g) };
     let targets: Vec<Target> = places.iter().map(target).collect();
-    let found = run_with_plan_table(py, &scene, accuracy, move |table| {
+    let found = run_with_cached_plan_table_emitting_model_warnings(py, &scene, accuracy, move |table| {
         Ok(compare_plans_at_points_with_simulation(table, &targets)?)
     })?;
     let of = |figure: fn(&SimulationComparison) -> f64| read_only_array(py, found.iter().map(figure).collect());

@@ -15,8 +15,8 @@ use std::time::Duration;
 use super::Failure;
 use super::headings::{ACCESS, DAEMON, DEVICE, EFFECT, LISTENING, MODEL, NO_HEADING, PLANNER, RECORDING, TOUCH};
 use super::values::{
-    Point, parse_finite_number, parse_listen_address, parse_outgoing_http_proxy, parse_time, parse_unitless_point,
-    parse_url,
+    Point, parse_daemon_url_adding_http_if_no_scheme, parse_finite_number, parse_listen_address,
+    parse_outgoing_http_proxy, parse_time, parse_unitless_point,
 };
 use super::wishes::PlanWishes;
 
@@ -147,11 +147,11 @@ pub struct Serve {
     pub record: Option<PathBuf>,
     /// Largest size in MB of one file of a recording; above this size, the recording continues in a new file [default:
     /// 256]
-    #[arg(long, value_name = "MB", value_parser = parse_record_mb, help_heading = RECORDING)]
+    #[arg(long, value_name = "MB", value_parser = parse_recording_size_mb, help_heading = RECORDING)]
     pub record_file_mb: Option<f64>,
     /// Largest total size of the files of a recording, in MB; above this size, the daemon removes the oldest file. If
     /// the recording is a folder, the files of earlier runs of the daemon count too [default: 2000]
-    #[arg(long, value_name = "MB", value_parser = parse_record_mb, help_heading = RECORDING)]
+    #[arg(long, value_name = "MB", value_parser = parse_recording_size_mb, help_heading = RECORDING)]
     pub record_total_mb: Option<f64>,
     /// Disarm the board after this time without a touch, in s, 0.1 to 3600 [default: 5]
     #[arg(long, value_name = "S", value_parser = parse_idle_s, help_heading = DEVICE)]
@@ -179,7 +179,7 @@ pub enum AfterOutage {
 const MAX_IDLE_S: f64 = 3600.0;
 
 /// Sizes of recordings in MB.
-pub fn parse_record_mb(text: &str) -> Result<f64, String> {
+pub fn parse_recording_size_mb(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|number| (1.0..=1e6).contains(number));
     number.ok_or_else(|| format!("{text:?} is not a size from 1 to 1000000 MB"))
 }
@@ -194,7 +194,7 @@ pub fn parse_idle_s(text: &str) -> Result<f64, String> {
 #[command(next_help_heading = DAEMON)]
 pub struct DaemonOptions {
     /// The daemon's address: http://HOST:PORT, https://HOST:PORT or HOST:PORT
-    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7878", value_parser = parse_url)]
+    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7878", value_parser = parse_daemon_url_adding_http_if_no_scheme)]
     pub url: String,
     /// File with the token, if the daemon needs a token; or put the token into the environment variable ERA_TOKEN
     #[arg(long, value_name = "FILE")]

@@ -2,7 +2,10 @@
 
 use super::args::{CacheOptions, Crispness, PanelOptions, Unit};
 use super::headings::{EFFECT, OUTPUT, REACH, TOUCH};
-use super::values::{Point, parse_finite_number, parse_png_path, parse_tolerances, parse_unitless_point};
+use super::values::{
+    Point, parse_finite_number, parse_png_path, parse_tolerances_of_springs_modulus_thickness_and_places,
+    parse_unitless_point,
+};
 use crate::effects::NamedEffect;
 use crate::study::tolerances::Tolerances;
 use clap::Args;
@@ -60,7 +63,7 @@ pub struct Field {
     /// up to 20 % in spring stiffness, 10 % in Young's modulus, 5 % in thickness and 1 mm in positions; this takes some
     /// seconds
     #[arg(long, alias = "tolerances", value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
-        default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances, conflicts_with_all = ["reach", "schemes"],
+        default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances_of_springs_modulus_thickness_and_places, conflicts_with_all = ["reach", "schemes"],
         help_heading = TOUCH)]
     pub spread: Option<Tolerances>,
     /// Write a picture to this PNG file

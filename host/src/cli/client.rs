@@ -17,7 +17,7 @@ use std::time::Duration;
 /// An emulated board may take some seconds to answer.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-pub fn send_touch(options: &Touch) -> Outcome {
+pub fn send_touch_to_daemon_and_print_answer(options: &Touch) -> Outcome {
     let answer =
         request_body_failing_on_error_status(&options.daemon, "POST", "/v1/touch", Some(make_touch_body(options)))?;
     if options.daemon.json {
@@ -165,17 +165,17 @@ fn write_drives(text: &mut String, drives: &Value) {
     }
 }
 
-pub fn send_stop(options: &DaemonOptions) -> Outcome {
+pub fn send_stop_to_daemon_and_print_state(options: &DaemonOptions) -> Outcome {
     let answer = request_body_failing_on_error_status(options, "POST", "/v1/stop", None)?;
     print_state(options, &answer)
 }
 
-pub fn clear_faults(options: &DaemonOptions) -> Outcome {
+pub fn clear_faults_through_daemon_and_print_state(options: &DaemonOptions) -> Outcome {
     let answer = request_body_failing_on_error_status(options, "POST", "/v1/faults/clear", None)?;
     print_state(options, &answer)
 }
 
-pub fn arm_device(options: &DaemonOptions) -> Outcome {
+pub fn arm_device_through_daemon_and_print_state(options: &DaemonOptions) -> Outcome {
     let answer = request_body_failing_on_error_status(options, "POST", "/v1/arm", None)?;
     print_state(options, &answer)
 }
@@ -377,23 +377,31 @@ pub fn request_body_failing_on_error_status(
 #[cfg(test)]
 mod tests {
     use super::super::command::{Arguments, Command};
-    use super::super::values::{hide_secret_parts, parse_url};
+    use super::super::values::{hide_secret_parts, parse_daemon_url_adding_http_if_no_scheme};
     use super::*;
     use clap::Parser;
 
     #[test]
     fn an_address_may_leave_the_scheme_out() {
         for text in ["127.0.0.1:7878", "http://127.0.0.1:7878", "HTTP://127.0.0.1:7878/"] {
-            assert_eq!(parse_url(text).as_deref(), Ok("http://127.0.0.1:7878"));
+            assert_eq!(parse_daemon_url_adding_http_if_no_scheme(text).as_deref(), Ok("http://127.0.0.1:7878"));
         }
-        assert_eq!(parse_url("https://panel:7878/").as_deref(), Ok("https://panel:7878"));
-        assert!(parse_url("ftp://panel").unwrap_err().contains("must begin with http:// or https://"));
-        assert!(parse_url("http://").unwrap_err().contains("HOST:PORT"));
+        assert_eq!(
+            parse_daemon_url_adding_http_if_no_scheme("https://panel:7878/").as_deref(),
+            Ok("https://panel:7878")
+        );
+        assert!(
+            parse_daemon_url_adding_http_if_no_scheme("ftp://panel")
+                .unwrap_err()
+                .contains("must begin with http:// or https://")
+        );
+        assert!(parse_daemon_url_adding_http_if_no_scheme("http://").unwrap_err().contains("HOST:PORT"));
         // As copied from a browser, or with a password: a stop would go elsewhere, and what is secret is not repeated.
         for text in
             ["http://panel:7878/#token=secret", "http://panel:7878/?token=secret", "http://me:secret@panel:7878"]
         {
-            let told = format!("{} {}", parse_url(text).unwrap_err(), hide_secret_parts(text));
+            let told =
+                format!("{} {}", parse_daemon_url_adding_http_if_no_scheme(text).unwrap_err(), hide_secret_parts(text));
             assert!(told.contains("HOST:PORT") && told.contains("panel:7878") && !told.contains("secret"), "{told}");
         }
     }

@@ -199,14 +199,14 @@ impl ConfigFile {
 
     /// What keeps the daemon from starting with this file alone, or clients from talking to it, with the lines that it is about.
     #[must_use]
-    pub fn find_start_mistakes(&self) -> Vec<Mistake> {
+    pub fn find_mistakes_that_prevent_start_or_hinder_clients(&self) -> Vec<Mistake> {
         let of = |(key, text): (&str, String)| {
             let line = self.settings.iter().find(|setting| setting.key.name == key).map_or(0, |setting| setting.line);
             Mistake { line, text }
         };
         let options = self.fill_in_missing_options(&Serve::default());
         // What the start only warns of is a mistake of the file all the same.
-        serve::find_start_mistakes(&options)
+        serve::list_mistakes_that_prevent_daemon_start_by_config_key(&options)
             .into_iter()
             .chain(serve::list_certificate_date_warnings_by_config_key(&options))
             .map(of)
@@ -284,10 +284,10 @@ fn convert_toml_value_and_format_for_messages(value: &DeValue<'_>) -> (GivenValu
         DeValue::String(text) => (GivenValue::Text(text.to_string()), format!("{text:?}")),
         DeValue::Boolean(flag) => (GivenValue::Flag(*flag), flag.to_string()),
         DeValue::Integer(number) if number.radix() == 10 => {
-            (parse_number_value(number.as_str()), number.as_str().into())
+            (parse_number_value_or_other(number.as_str()), number.as_str().into())
         }
         DeValue::Integer(number) => (GivenValue::Other, number.as_str().into()),
-        DeValue::Float(number) => (parse_number_value(number.as_str()), number.as_str().into()),
+        DeValue::Float(number) => (parse_number_value_or_other(number.as_str()), number.as_str().into()),
         DeValue::Datetime(time) => (GivenValue::Other, time.to_string()),
         DeValue::Array(list) => {
             let texts = |entry: &toml::Spanned<DeValue<'_>>| match entry.get_ref() {
@@ -306,7 +306,7 @@ fn convert_toml_value_and_format_for_messages(value: &DeValue<'_>) -> (GivenValu
     }
 }
 
-fn parse_number_value(text: &str) -> GivenValue {
+fn parse_number_value_or_other(text: &str) -> GivenValue {
     text.parse().map_or(GivenValue::Other, GivenValue::Number)
 }
 
@@ -327,12 +327,12 @@ pub fn fill_in_options_from_config_file(options: &Serve) -> Result<Serve, Failur
 /// `era config`.
 pub fn run_config(options: &Config) -> Outcome {
     match &options.command {
-        ConfigCommand::Check(options) => check_config_file(options),
+        ConfigCommand::Check(options) => check_config_file_and_print_values_in_use(options),
         ConfigCommand::Example => print_text(&format_example_config()),
     }
 }
 
-fn check_config_file(options: &ConfigCheck) -> Outcome {
+fn check_config_file_and_print_values_in_use(options: &ConfigCheck) -> Outcome {
     let found = ConfigFile::read_file_and_collect_mistakes(&options.file).and_then(|mut found| {
         // The scene is tried as well; what is wrong in it has its own lines.
         let file = &found.file;
@@ -343,7 +343,7 @@ fn check_config_file(options: &ConfigCheck) -> Outcome {
                 file.settings.iter().find(|setting| setting.key.name == "scene").map_or(0, |setting| setting.line);
             found.mistakes.push(Mistake { line, text });
         }
-        found.mistakes.extend(found.file.find_start_mistakes());
+        found.mistakes.extend(found.file.find_mistakes_that_prevent_start_or_hinder_clients());
         found.into_file_if_sound()
     });
     let file = match found {

@@ -2,7 +2,7 @@
 //!
 //! An option that is added to `serve` gets a row here: how it is named, what it may be, and where its value goes.
 
-use super::args::{AfterOutage, Serve, parse_idle_s, parse_record_mb};
+use super::args::{AfterOutage, Serve, parse_idle_s, parse_recording_size_mb};
 use crate::daemon::{Access, DEFAULT_LISTEN};
 use crate::device::Target;
 use crate::model::Accuracy;
@@ -333,7 +333,7 @@ pub const KEYS: &[Key] = &[
         rival: None,
         is_given: |serve| serve.record_file_mb.is_some(),
         take: |serve, given, _| {
-            serve.record_file_mb = Some(parse_record_mb(&given.as_number()?.to_string()).ok()?);
+            serve.record_file_mb = Some(parse_recording_size_mb(&given.as_number()?.to_string()).ok()?);
             Some(())
         },
     },
@@ -346,7 +346,7 @@ pub const KEYS: &[Key] = &[
         rival: None,
         is_given: |serve| serve.record_total_mb.is_some(),
         take: |serve, given, _| {
-            serve.record_total_mb = Some(parse_record_mb(&given.as_number()?.to_string()).ok()?);
+            serve.record_total_mb = Some(parse_recording_size_mb(&given.as_number()?.to_string()).ok()?);
             Some(())
         },
     },

@@ -8,7 +8,7 @@
 #![expect(clippy::cast_precision_loss, reason = "estimates")]
 
 use crate::model::levels::ReducedLevels;
-use crate::model::panel::has_many_modes_below;
+use crate::model::panel::are_more_residual_shapes_cheaper_than_modes_below;
 use crate::model::sections::WaveRigidities;
 use crate::model::{Accuracy, ModelError};
 use crate::planner::TableOptions;
@@ -75,7 +75,8 @@ impl Cost {
         if accuracy.time_limit().is_some() {
             return Ok(None);
         }
-        let mut cost = Self::new(scene, accuracy, max_hz, ratio_of_highest_mode_to_max_frequency(scene, max_hz))?;
+        let mut cost =
+            Self::new(scene, accuracy, max_hz, limit_of_reduced_model_modes_as_multiple_of_max_hz(scene, max_hz))?;
         cost.operations += LEVELS.len() as f64 * cost.count_sweep_operations(scene, frequency_count, point_count);
         Ok(Some(Self { responses: Some((frequency_count, point_count)), ..cost }))
     }
@@ -85,8 +86,12 @@ impl Cost {
     /// # Errors
     /// As [`Cost::estimate_for_modes_unless_time_limited`].
     pub fn estimate_for_table(scene: &Scene, accuracy: Accuracy, options: TableOptions) -> Result<Self, ModelError> {
-        let mut cost =
-            Self::new(scene, accuracy, options.to_hz, ratio_of_highest_mode_to_max_frequency(scene, options.to_hz))?;
+        let mut cost = Self::new(
+            scene,
+            accuracy,
+            options.to_hz,
+            limit_of_reduced_model_modes_as_multiple_of_max_hz(scene, options.to_hz),
+        )?;
         let (frequencies, points) = (options.frequencies_hz().len(), SurfaceGrid::count_points(scene, options.to_hz));
         let entries = (frequencies * scene.actuators.len()) as f64;
         cost.operations += cost.count_sweep_operations(scene, frequencies, points) + PER_ENTRY * entries;
@@ -119,7 +124,7 @@ impl Cost {
 
     /// How long this machine takes for it; measures its speed first, which takes some milliseconds, unless it is little.
     #[must_use]
-    pub fn estimate_time(&self) -> Duration {
+    pub fn estimate_time_measuring_machine_speed_if_large(&self) -> Duration {
         let speed = if self.operations > SMALL { measure_operations_per_s() } else { SMALL };
         // More than a year of seconds is no help to anybody.
         Duration::from_secs_f64((self.operations / speed).min(1e9))
@@ -166,15 +171,16 @@ fn round_to_digits_or_integer_below_one(value: f64, digits: i32) -> f64 {
 }
 
 /// How far a reduced model's modes go, as a multiple of the highest frequency.
-fn ratio_of_highest_mode_to_max_frequency(scene: &Scene, max_hz: f64) -> f64 {
-    BEYOND_REDUCED * if has_many_modes_below(scene, max_hz) { 0.5 } else { 1.0 }
+fn limit_of_reduced_model_modes_as_multiple_of_max_hz(scene: &Scene, max_hz: f64) -> f64 {
+    BEYOND_REDUCED * if are_more_residual_shapes_cheaper_than_modes_below(scene, max_hz) { 0.5 } else { 1.0 }
 }
 
 /// About how many modes a panel has below a frequency, by Weyl's law with the term of free edges: a plate A k^2 / (4 pi) +
 /// (L + W) k / pi for the wavenumber k, a bar L k / pi. Counted: 86 of 83 and 153 of 155 on a strip of 2 x 0.02 m.
 fn estimate_mode_count(scene: &Scene, max_hz: f64) -> f64 {
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
-    let wavenumber = (TAU * max_hz).sqrt() / WaveRigidities::from_scene(scene).mean.powf(0.25);
+    let wavenumber =
+        (TAU * max_hz).sqrt() / WaveRigidities::find_extremes_and_mean_over_layers_of_scene(scene).mean.powf(0.25);
     match scene.surface.kind {
         SurfaceKind::Plate => wavenumber * (length * width * wavenumber / 4.0 + (length + width)) / PI,
         SurfaceKind::Bar => length * wavenumber / PI,

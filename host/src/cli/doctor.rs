@@ -6,7 +6,7 @@ use super::config::ConfigFile;
 use super::headings::{CHECKED, DAEMON};
 use super::serve::listen_place_or_default;
 use super::token::read_token_from_file_or_else_environment;
-use super::values::{parse_outgoing_http_proxy, parse_url};
+use super::values::{parse_daemon_url_adding_http_if_no_scheme, parse_outgoing_http_proxy};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::certificate::read_certificates;
 use crate::connection::HostPort;
@@ -38,7 +38,7 @@ pub struct Doctor {
     pub scene: Option<PathBuf>,
     /// The daemon's address: http://HOST:PORT, https://HOST:PORT or HOST:PORT [default: the address in the
     /// configuration, or http://127.0.0.1:7878]
-    #[arg(long, value_name = "URL", value_parser = parse_url, help_heading = DAEMON)]
+    #[arg(long, value_name = "URL", value_parser = parse_daemon_url_adding_http_if_no_scheme, help_heading = DAEMON)]
     pub url: Option<String>,
     /// File with the token, if the daemon needs a token; or put the token into the environment variable ERA_TOKEN
     /// [default: the token file of the configuration]
@@ -102,7 +102,7 @@ fn gather_facts(options: &Doctor) -> Result<Facts, Failure> {
         Some(Target::Sim) => Wanted::Simulated("sim"),
         Some(Target::Emulated) => Wanted::Simulated("emulated"),
     };
-    let ports = machine::list_ports();
+    let ports = machine::list_serial_ports_with_usb_identity();
     let path = match &wanted {
         Wanted::Port(path) => Some(path.clone()),
         Wanted::Any | Wanted::Board => ports.iter().find(|port| port.is_board()).map(|port| port.path.clone()),
@@ -132,8 +132,8 @@ fn gather_facts(options: &Doctor) -> Result<Facts, Failure> {
     Ok(Facts {
         wanted,
         ports,
-        bootloader: machine::has_chip_in_bootloader(),
-        rules: machine::find_udev_rules_for_board(root),
+        bootloader: machine::is_chip_in_bootloader_on_usb_if_usb_is_readable(),
+        rules: machine::find_udev_rules_for_board_if_machine_has_udev(root),
         modem_manager: machine::find_modem_manager_pid(root),
         realtime: machine::read_realtime_priority_limit(root)
             .map(|limit| if priority::can_raise_thread_priority() { limit.max(1) } else { 0 }),
@@ -182,7 +182,11 @@ fn examine_config_file_and_read_serve_options(options: &Doctor) -> (Option<File>
     let Some(path) = &options.config else { return (None, Serve::default()) };
     let (mistake, serve) = match ConfigFile::read(path) {
         Ok(file) => {
-            let mistakes: Vec<String> = file.find_start_mistakes().into_iter().map(|mistake| mistake.text).collect();
+            let mistakes: Vec<String> = file
+                .find_mistakes_that_prevent_start_or_hinder_clients()
+                .into_iter()
+                .map(|mistake| mistake.text)
+                .collect();
             ((!mistakes.is_empty()).then(|| mistakes.join("; ")), file.fill_in_missing_options(&Serve::default()))
         }
         Err(error) => (Some(error.to_string()), Serve::default()),

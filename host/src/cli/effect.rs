@@ -3,20 +3,20 @@
 use super::args_effect::EffectOptions;
 use super::effect_file::design_effect_file_for_panel_and_print;
 use super::panel::{
-    collect_plan_bounds, load_or_compute_plan_table, make_target_from_at_option, prepare_table_with_scene_finger_if_any_at_places,
-    tell_missing_or_exceeded_plan_bounds,
+    collect_plan_bounds, load_or_compute_plan_table, make_target_from_at_option,
+    prepare_table_with_scene_finger_if_any_at_places, tell_missing_or_exceeded_plan_bounds,
 };
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{
-    self, DesignError, EffectDesign, EffectRequest, EffectWindow, Intensity, design_effect_of_windows_if_click_else_of_drives, intensity,
-    plan_request_with_intensity_for_targets_without_one,
+    self, DesignError, EffectDesign, EffectRequest, EffectWindow, Intensity,
+    design_effect_of_windows_if_click_else_of_drives, intensity, plan_request_with_intensity_for_targets_without_one,
 };
 use crate::model::Bound;
-use crate::scene::Scene;
-use crate::planner::{Request, STANDARD_GRAVITY, Target};
 use crate::planner::click::measures::{ClickMeasures, measure_click};
 use crate::planner::click::{ClickOptions, ClickWindow, simulate_felt_acceleration_of_windows_m_per_s2};
 use crate::planner::rise::PanelPoles;
+use crate::planner::{Request, STANDARD_GRAVITY, Target};
+use crate::scene::Scene;
 use serde_json::json;
 use std::fmt::Write;
 use std::time::Instant;
@@ -25,7 +25,7 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
     if let Some(path) = &options.from_file.file {
         return design_effect_file_for_panel_and_print(options, path);
     }
-    if let Some(option) = options.from_file.find_option_without_file() {
+    if let Some(option) = options.from_file.find_given_option_that_requires_missing_file() {
         return Err(Failure::usage_error(format!("{option} is given, but is allowed only with --file")));
     }
     let scene = options.panel.load_scene()?;
@@ -41,7 +41,7 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
         crisp_ms: options.crispness.crisp_ms,
         prefer: options.crispness.prefer,
     };
-    request.build_envelope().map_err(Failure::usage_error)?;
+    request.build_envelope_or_plain_push_if_click().map_err(Failure::usage_error)?;
     let target = make_target_from_at_option(&scene, &options.at)?;
     let table = prepare_table_with_scene_finger_if_any_at_places(
         &options.panel,
@@ -162,7 +162,8 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
     }
     if let Some(own) = without_finger {
         let crisp = if click.is_motion_crisp(&own) { "crisp" } else { "not crisp" };
-        let quiet = own.quiet_s.map_or_else(|| "for more than 850 ms".to_owned(), |s| format!("until {:.1} ms", 1e3 * s));
+        let quiet =
+            own.quiet_s.map_or_else(|| "for more than 850 ms".to_owned(), |s| format!("until {:.1} ms", 1e3 * s));
         let peak_g = own.peak / STANDARD_GRAVITY;
         let _ = write!(
             text,

@@ -57,7 +57,7 @@ pub fn design_effect_file_for_panel_and_print(options: &EffectOptions, path: &Pa
     let asked_g = options.at.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
     let effect = design_parts_for_panel(&table, &poles, &parts, (touched_m, asked_g), true)?;
     if let Some(export) = &options.from_file.export {
-        export_acceleration(export, path, (&table, &poles), &effect)?;
+        write_effect_acceleration_as_png_csv_or_wav_by_extension(export, path, (&table, &poles), &effect)?;
     }
     let view = ReadingView::new(&list, &warnings, &effect);
     if options.json {
@@ -115,30 +115,32 @@ fn read_file_cut_one_byte_over_limit(path: &Path) -> Result<Vec<u8>, Failure> {
     Ok(bytes)
 }
 
-fn export_acceleration(
-    export: &Path,
-    file: &Path,
+fn write_effect_acceleration_as_png_csv_or_wav_by_extension(
+    output_path: &Path,
+    effect_path_for_title: &Path,
     (table, poles): (&PlanTable, &PanelPoles),
     effect: &PanelEffect,
 ) -> Outcome {
     let samples =
         sample_acceleration_g(table, poles, effect).ok_or(DesignError::Unbounded).map_err(Failure::runtime_error)?;
     let places_mm: Vec<(f64, f64)> = effect.places.iter().map(|place| (1e3 * place.x_m, 1e3 * place.y_m)).collect();
-    let extension = export.extension().map(|own| own.to_ascii_lowercase()).unwrap_or_default();
+    let extension = output_path.extension().map(|own| own.to_ascii_lowercase()).unwrap_or_default();
     if extension == "png" {
         let names = places_mm.iter().map(|(x_mm, y_mm)| format!("{x_mm:.1} mm, {y_mm:.1} mm"));
         let curves: Vec<(String, &[f64])> = names.zip(samples.iter().map(Vec::as_slice)).collect();
-        let title = format!("{}: {}", table.scene.name, file.display());
+        let title = format!("{}: {}", table.scene.name, effect_path_for_title.display());
         let rate_hz = f64::from(RATE_HZ);
-        return write_accelerations_png(export, &title, rate_hz, &curves).map(|_| ()).map_err(Failure::runtime_error);
+        return write_accelerations_png(output_path, &title, rate_hz, &curves)
+            .map(|_| ())
+            .map_err(Failure::runtime_error);
     }
     let bytes = if extension == "csv" {
         format_csv(&places_mm, &samples).into_bytes()
     } else {
         format_wav(&samples).map_err(Failure::runtime_error)?
     };
-    replace_file(export, Readers::ByUmask, &bytes)
-        .map_err(|error| Failure::runtime_error(format!("cannot write {}: {error}", export.display())))
+    replace_file(output_path, Readers::ByUmask, &bytes)
+        .map_err(|error| Failure::runtime_error(format!("cannot write {}: {error}", output_path.display())))
 }
 
 fn format_effect_file_report(path: &Path, view: &ReadingView) -> String {
@@ -153,7 +155,7 @@ fn format_effect_file_report(path: &Path, view: &ReadingView) -> String {
         let _ = write!(text, "\nplace {i}: {:.1} mm, {:.1} mm", place.x_mm, place.y_mm);
     }
     for scale in &view.scales {
-        let _ = write!(text, "\n  {}", describe_scale(scale));
+        let _ = write!(text, "\n  {}", describe_peak_at_full_intensity_of_part_kind(scale));
     }
     let _ = write!(
         text,
@@ -178,7 +180,7 @@ fn format_effect_file_report(path: &Path, view: &ReadingView) -> String {
     text
 }
 
-fn describe_scale(scale: &ScaleView) -> String {
+fn describe_peak_at_full_intensity_of_part_kind(scale: &ScaleView) -> String {
     let ScaleView { kind, asked_g, peak_g, limited_by, quiet_ms, frequencies_hz, .. } = scale;
     let sharpness = match kind {
         PartKind::Tick => "sharpness 0.67 to 1",

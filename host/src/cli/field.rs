@@ -16,7 +16,7 @@ use crate::study::tolerances;
 use serde_json::json;
 
 /// Runs it.
-pub fn run_field(options: &Field) -> Outcome {
+pub fn run_field_command_mapping_touch_click_or_reach(options: &Field) -> Outcome {
     if let Some(effect) = options.effect {
         return field_click::compute_and_write_click_map(options, effect);
     }
@@ -33,7 +33,7 @@ pub fn run_field(options: &Field) -> Outcome {
     }
     let at = match options.at {
         _ if options.reach => return reach::compute_and_write_reach_maps(options),
-        _ if options.schemes => return reach::compare_schemes(options),
+        _ if options.schemes => return reach::compare_drive_schemes_and_write_result(options),
         Some(at) => At { at, unit: options.unit, intensity_g: options.intensity_g },
         None => {
             return Err(Failure::usage_error(

@@ -37,7 +37,7 @@ pub fn compute_and_write_click_map(options: &Field, effect: NamedEffect) -> Outc
         prefer: options.crispness.prefer,
         ..EffectRequest::with_defaults(effect)
     };
-    request.build_envelope().map_err(Failure::usage_error)?;
+    request.build_envelope_or_plain_push_if_click().map_err(Failure::usage_error)?;
     let scene = options.panel.load_scene()?;
     check_has_actuators(&scene)?;
     if scene.finger.is_some() {

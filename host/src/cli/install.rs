@@ -106,7 +106,7 @@ pub fn run_install(options: &Install) -> Outcome {
         };
         let done = done.map_err(Failure::runtime_error)?;
         if options.remove && file.part == Part::Service {
-            remove_enable_link(&file.path);
+            remove_dangling_enable_links_of_unit(&file.path);
         }
         print_text(&format!("{done} {}", file.path.display()))?;
         if !matches!(done, FileChange::Unchanged | FileChange::Absent) {
@@ -137,7 +137,7 @@ fn list_udev_rule_and_unit_files(options: &Install, config_path: &Path) -> Resul
     }
     if is_wanted(Part::Service) {
         let program = find_service_program(options)?;
-        let secrets = &find_secrets_to_hand_over_from_root(options, config_path);
+        let secrets = &list_secret_files_that_systemd_must_pass_to_service(options, config_path);
         let unit = unit::Unit {
             program: &program,
             config: config_path,
@@ -168,7 +168,7 @@ fn read_service_options(options: &Install, config: &Path) -> Option<Serve> {
 }
 
 /// What of it the service, whose user is its own, can only have from root.
-fn find_secrets_to_hand_over_from_root(options: &Install, config: &Path) -> unit::Secrets {
+fn list_secret_files_that_systemd_must_pass_to_service(options: &Install, config: &Path) -> unit::Secrets {
     let Some(serve) = read_service_options(options, config).filter(|_| !options.user) else {
         return unit::Secrets::default();
     };
@@ -188,7 +188,7 @@ fn find_service_program(options: &Install) -> Result<PathBuf, Failure> {
 }
 
 /// Takes away the link by which `systemctl enable` starts the unit: once the unit is gone, `disable` does not know it.
-fn remove_enable_link(unit: &Path) {
+fn remove_dangling_enable_links_of_unit(unit: &Path) {
     for target in ["multi-user.target.wants", "default.target.wants"] {
         let link = unit.with_file_name(target).join(unit::NAME);
         if link.is_symlink() && !link.exists() {

@@ -40,7 +40,7 @@ pub fn run_modes(options: &Options) -> Outcome {
     tell_missing_or_exceeded_bounds(&found.bounds, accuracy);
     if wants_shapes {
         let grid = scene.surface_grid_lines_m(options.grid);
-        check_value_count(grid.0.len() * grid.1.len(), found.answer.len())?;
+        refuse_too_many_mode_shape_values(grid.0.len() * grid.1.len(), found.answer.len())?;
         let shapes =
             run_with_progress("computing the shapes", || ModeShapes::compute(&scene, &found, options.max_hz, grid))?;
         if write_mode_shapes_true_if_to_stdout(options, &scene, &shapes)? {
@@ -102,7 +102,7 @@ fn format_laminate_totals_line(scene: &Scene, laminate: &Laminate) -> String {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "a size to be refused")]
-fn check_value_count(points: usize, modes: usize) -> Result<(), Failure> {
+fn refuse_too_many_mode_shape_values(points: usize, modes: usize) -> Result<(), Failure> {
     let values = points as f64 * modes as f64;
     if values <= MOST_VALUES {
         return Ok(());

@@ -59,7 +59,9 @@ pub fn decode_and_print_board_log(options: &Monitor) -> Outcome {
 fn describe_port_holders_with_advice_if_any(target: &Target) -> Option<String> {
     let port = match target {
         Target::Serial(path) => path.clone(),
-        Target::Auto => machine::list_ports().into_iter().find(crate::doctor::facts::Port::is_board)?.path,
+        Target::Auto => {
+            machine::list_serial_ports_with_usb_identity().into_iter().find(crate::doctor::facts::Port::is_board)?.path
+        }
         Target::Sim | Target::Emulated => return None,
     };
     let holders = machine::find_other_processes_with_port_open(Path::new("/"), &port);

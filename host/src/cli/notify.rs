@@ -8,7 +8,11 @@ use tokio::runtime::Handle;
 
 /// Tells that the daemon serves, and from then on, at half of the watchdog's time, that it is alive: while `runtime`
 /// still runs tasks and `is_alive` says so. What is not alive is not told, so that the service manager starts the daemon anew.
-pub fn notify_ready(runtime: &Handle, status: &str, is_alive: impl Fn() -> bool + Send + 'static) {
+pub fn notify_ready_and_start_watchdog_messages_while_alive(
+    runtime: &Handle,
+    status: &str,
+    is_alive: impl Fn() -> bool + Send + 'static,
+) {
     send_to_service_manager(&[NotifyState::Status(status), NotifyState::Ready]);
     if let Some(limit) = sd_notify::watchdog_enabled().filter(|limit| !limit.is_zero()) {
         runtime.spawn(notify_forever_skipping_periods_when_not_alive(limit / 2, is_alive, || {

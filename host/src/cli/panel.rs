@@ -150,7 +150,7 @@ pub fn collect_plan_bounds(plans: &[&Plan]) -> Vec<Bound> {
     plans.iter().map(bound).collect()
 }
 
-pub fn run_response(options: &Response) -> Outcome {
+pub fn compute_and_print_frequency_response_at_point(options: &Response) -> Outcome {
     let started = Instant::now();
     let scene = options.panel.load_scene()?;
     let frequencies_hz = list_frequencies_hz(&options.band)?;
@@ -159,7 +159,7 @@ pub fn run_response(options: &Response) -> Outcome {
     check_has_actuators(&scene)?;
     warn_if_too_thick_for_thin_plate_theory(&scene, options.band.to);
     tell_assumed_finger_if_explaining(&options.panel, &scene);
-    let scene = scene.with_finger_at_places(&[(x_m, y_m)]);
+    let scene = scene.replace_finger_by_masses_and_supports_at_places(&[(x_m, y_m)]);
     let cost =
         Cost::estimate_for_responses_unless_time_limited(&scene, accuracy, options.band.to, (frequencies_hz.len(), 1))?;
     let found = run_with_progress_and_expected_cost("computing the response", cost, || {
@@ -347,7 +347,7 @@ pub fn prepare_table_with_scene_finger_if_any_at_places(
         return Ok(table);
     }
     let (accuracy, options, touched) =
-        (panel.accuracy()?, TableOptions::default(), scene.with_finger_at_places(places_m));
+        (panel.accuracy()?, TableOptions::default(), scene.replace_finger_by_masses_and_supports_at_places(places_m));
     tell_assumed_finger_if_explaining(panel, scene);
     let cost = Cost::estimate_for_table(&touched, accuracy, options)?;
     run_with_progress_and_expected_cost(
@@ -355,7 +355,11 @@ pub fn prepare_table_with_scene_finger_if_any_at_places(
         Some(cost),
         || -> Result<_, Failure> {
             table
-                .build_with_fingers_on(&touched, ReducedLevels::build(&touched, accuracy, options.to_hz)?, options)
+                .build_for_scene_with_fingers_keeping_press_effects(
+                    &touched,
+                    ReducedLevels::build(&touched, accuracy, options.to_hz)?,
+                    options,
+                )
                 .map_err(Failure::runtime_error)
         },
     )

@@ -10,7 +10,7 @@ use super::panel::{
 use super::progress::run_with_progress;
 use super::reach::convert_zone_to_region;
 use super::told::tell;
-use super::values::parse_tolerances;
+use super::values::parse_tolerances_of_springs_modulus_thickness_and_places;
 use super::wishes::PlanWishes;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::set_missing_target_peaks_from_level_if_given;
@@ -52,7 +52,7 @@ pub struct PlanOptions {
     /// Compute how much the peaks at the targets change if the panel differs from the scene, by default by up to 20 % in
     /// spring stiffness, 10 % in Young's modulus, 5 % in thickness and 1 mm in positions; this takes some seconds
     #[arg(long, alias = "tolerances", value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
-        default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances, help_heading = PLANNER)]
+        default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances_of_springs_modulus_thickness_and_places, help_heading = PLANNER)]
     pub spread: Option<Tolerances>,
     /// Print JSON
     #[arg(long, help_heading = NO_HEADING)]
@@ -88,13 +88,19 @@ struct PlanAnswer {
 pub fn run_plan(options: &PlanOptions) -> Outcome {
     let scene = options.panel.load_scene()?;
     let request = make_request(&scene, options)?;
-    let windows = list_target_windows(options);
+    let windows = list_time_windows_of_all_targets_if_any_is_given(options);
     let spans = windows.map(|windows| cut_windows_into_spans(&windows)).transpose()?;
     let fingers = list_modelled_finger_places_m_empty_for_reach(&request);
     let table = prepare_request_table_refusing_finger_with_windows(&scene, options, &request, spans.is_some())?;
     let accuracy = options.panel.accuracy()?;
     let mut answer = run_with_progress("planning", || {
-        compute_answer(&table, options, request, spans, accuracy.relative_tolerance_or_tightest())
+        plan_request_as_whole_or_per_time_span(
+            &table,
+            options,
+            request,
+            spans,
+            accuracy.relative_tolerance_or_tightest(),
+        )
     })?;
     // In JSON they are part of the answer.
     for explanation in answer.explanations.iter().filter(|_| !options.json) {
@@ -156,7 +162,7 @@ fn list_modelled_finger_places_m_empty_for_reach(request: &Request) -> Vec<(f64,
 }
 
 /// Plans for a request, as a whole or stretch by stretch.
-fn compute_answer(
+fn plan_request_as_whole_or_per_time_span(
     table: &PlanTable,
     options: &PlanOptions,
     request: Request,
@@ -264,7 +270,7 @@ fn make_request(scene: &Scene, options: &PlanOptions) -> Result<Request, Failure
 }
 
 /// The windows of all targets, if any has one: those that have none last as long as any other.
-fn list_target_windows(options: &PlanOptions) -> Option<Vec<Window>> {
+fn list_time_windows_of_all_targets_if_any_is_given(options: &PlanOptions) -> Option<Vec<Window>> {
     let given: Vec<Option<Window>> =
         std::iter::once(options.wishes.window).chain(options.wishes.also.iter().map(|also| also.window)).collect();
     let to_ms = given.iter().flatten().map(|window| window.to_ms).reduce(f64::max)?;

@@ -8,7 +8,7 @@ use crate::planner::PlanTable;
 use crate::planner::press::{PressEffect, Stop};
 use std::fmt::Write;
 
-pub fn run_press(options: &Options) -> Outcome {
+pub fn compute_and_print_actuator_gaps_under_finger_press(options: &Options) -> Outcome {
     let mut scene = options.panel.load_scene()?;
     if let Some(force_n) = options.force_n {
         scene.press_n = force_n;
@@ -62,7 +62,9 @@ fn format_press_travel_per_actuator(table: &PlanTable) -> String {
         };
         let (bound, of_sag) = (
             format_bound(crate::planner::press_bounds::bound_relative_press_travel_error(table, i)),
-            format_bound(crate::planner::press_bounds::bound_relative_sag_error(table, i)),
+            format_bound(crate::planner::press_bounds::bound_relative_error_of_mass_travel_by_press_and_electrodes(
+                table, i,
+            )),
         );
         let electrodes = &table.electrodes[i];
         let at = format!("{:.1}, {:.1}", at_m.0 * 1e3, at_m.1 * 1e3);

@@ -33,7 +33,7 @@ pub fn run_with_progress<T>(what: &'static str, work: impl FnOnce() -> T) -> T {
 /// The same with what it is expected to take: said before it begins, if that is more than a second.
 pub fn run_with_progress_and_expected_cost<T>(what: &'static str, cost: Option<Cost>, work: impl FnOnce() -> T) -> T {
     let Some(cost) = cost else { return run_with_progress(what, work) };
-    let time = cost.estimate_time();
+    let time = cost.estimate_time_measuring_machine_speed_if_large();
     if time > SHORT {
         tell!("{what}: about {} ({cost})", describe_duration(time));
     }
@@ -78,7 +78,9 @@ fn show_progress(what: &'static str, expected: Option<Duration>, done: &Receiver
     loop {
         bar.set_message(format!("{what}{}", describe_latest_mesh_or_empty()));
         match expected {
-            Some(expected) => bar.set_position(compute_bar_position(started.elapsed(), expected)),
+            Some(expected) => {
+                bar.set_position(compute_bar_position_per_mille_never_reaching_end(started.elapsed(), expected))
+            }
             None => bar.tick(),
         }
         if is_over(Duration::from_millis(120)) {
@@ -90,7 +92,7 @@ fn show_progress(what: &'static str, expected: Option<Duration>, done: &Receiver
 
 /// How far a bar is: never at its end, as an estimate may be short.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "0 to 1000")]
-fn compute_bar_position(elapsed: Duration, expected: Duration) -> u64 {
+fn compute_bar_position_per_mille_never_reaching_end(elapsed: Duration, expected: Duration) -> u64 {
     let ratio = elapsed.as_secs_f64() / expected.as_secs_f64();
     // Straight to 80 %, and from there on towards 100 %.
     let part = if ratio < 0.8 { ratio } else { 1.0 - 0.2 * (-(ratio - 0.8) / 0.2).exp() };
@@ -173,8 +175,9 @@ mod tests {
     #[test]
     fn a_bar_never_ends_early_and_never_goes_back() {
         let expected = Duration::from_secs(10);
-        let parts: Vec<u64> =
-            (0..100).map(|second| compute_bar_position(Duration::from_secs(second), expected)).collect();
+        let parts: Vec<u64> = (0..100)
+            .map(|second| compute_bar_position_per_mille_never_reaching_end(Duration::from_secs(second), expected))
+            .collect();
         assert!(parts.is_sorted() && parts[0] == 0 && parts[4] == 400 && parts[10] < 950 && parts[99] <= PARTS);
     }
 }

@@ -99,7 +99,7 @@ fn compute_reach_maps_with_finger_on_each_point(
     let (accuracy, grid) = (options.panel.accuracy()?, TableOptions::default());
     run_with_progress("computing the largest peaks with a finger on each point", || -> Result<ReachMaps, Failure> {
         let panel = BarePanel::build(scene, accuracy, grid.to_hz)?;
-        Ok(ReachMaps::compute_with_finger_bounding_weakest_error(
+        Ok(ReachMaps::compute_with_finger_and_error_bound_of_weakest_point(
             table,
             region,
             TouchedPanel::new(&panel, scene, table),
@@ -110,7 +110,7 @@ fn compute_reach_maps_with_finger_on_each_point(
 }
 
 /// The three ways to drive, side by side.
-pub fn compare_schemes(options: &Field) -> Outcome {
+pub fn compare_drive_schemes_and_write_result(options: &Field) -> Outcome {
     let (scene, table, region) = prepare_scene_table_and_region(options)?;
     if scene.finger.is_some() {
         tell!("the scene's [finger] is not used: drive schemes are compared on the panel without a finger");
@@ -124,7 +124,7 @@ pub fn compare_schemes(options: &Field) -> Outcome {
     if write_csv_true_if_to_stdout(options, &format_schemes_csv(&table, measure, &schemes))? {
         return Ok(());
     }
-    let [ratios, phases] = schemes::count_trial_directions_in_phase_and_with_phases(&table);
+    let [ratios, phases] = schemes::count_trial_force_ratios_in_phase_and_with_phases(&table);
     let first_bending_hz = rigid::first_driven_bending_mode_if_any_hz(&table);
     if options.json {
         return print_json(&json!({

@@ -35,7 +35,7 @@ pub const SIMULATED: &str = "drives the simulated device: set device = \"auto\" 
 pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
     let (scene, text) = options.panel.load_scene_and_text()?;
     // Before anything is written.
-    if let Some((_, mistake)) = find_start_mistakes(options).into_iter().next() {
+    if let Some((_, mistake)) = list_mistakes_that_prevent_daemon_start_by_config_key(options).into_iter().next() {
         return Err(Failure::Usage(mistake));
     }
     let access = read_access_rules(options)?;
@@ -53,7 +53,8 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
         tracing::warn!("{}", warning.1);
     }
     // In the runtime, in which sockets are opened.
-    let listeners = runtime.block_on(async { open_listeners(options, &place, ports) })?;
+    let listeners =
+        runtime.block_on(async { make_listeners_with_tls_and_unix_socket_from_bound_ports(options, &place, ports) })?;
     // After all that may keep the daemon from starting: a file that was begun is in the next start's way.
     let recorder = match &options.record {
         None => None,
@@ -63,8 +64,10 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
             })?,
         ),
     };
-    let urls: Vec<String> =
-        listeners.iter().map(|listener| describe_usable_addresses(&listener.url(), &options.allow_host)).collect();
+    let urls: Vec<String> = listeners
+        .iter()
+        .map(|listener| replace_wildcard_host_by_usable_names(&listener.url(), &options.allow_host))
+        .collect();
     let prepared = load_or_compute_plan_table_with_origin(&options.panel, options.keep, &scene)?;
     tracing::info!("{}", describe_table_preparation(&prepared));
     let table = prepared.table;
@@ -85,8 +88,9 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
         Some(device) => device,
         None => open_device(&target, &table)?,
     };
-    let mut app = App::with_policy(table, device, text, read_idle_and_rearm_policy(options), access)
-        .map_err(Failure::runtime_error)?;
+    let mut app =
+        App::start_session_with_policy_and_access(table, device, text, read_idle_and_rearm_policy(options), access)
+            .map_err(Failure::runtime_error)?;
     app.record = recorder;
     let app = Arc::new(app);
     let first = plan_touch_near_screen_middle(&app.table);
@@ -118,9 +122,11 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
     }
     compute_what_first_requests_need_in_background(&app);
     let watched = Arc::clone(&app);
-    notify::notify_ready(runtime.handle(), &format!("serving on {}", urls.join(", ")), move || {
-        watched.driver.is_session_thread_working()
-    });
+    notify::notify_ready_and_start_watchdog_messages_while_alive(
+        runtime.handle(),
+        &format!("serving on {}", urls.join(", ")),
+        move || watched.driver.is_session_thread_working(),
+    );
     let stopped = Arc::downgrade(&app);
     runtime.spawn(stop_and_suspend_on_terminal_request(move || stop_device(Weak::clone(&stopped))));
     match runtime.block_on(serve_until_shutdown_or_session_end(
@@ -156,7 +162,7 @@ fn read_idle_and_rearm_policy(options: &Serve) -> SessionPolicy {
 
 /// An address as it can be opened: 0.0.0.0 and [::] are all of this machine's, and no name of it. TLS has a certificate for
 /// localhost and the names that were allowed.
-fn describe_usable_addresses(url: &str, names: &[String]) -> String {
+fn replace_wildcard_host_by_usable_names(url: &str, names: &[String]) -> String {
     let Some((scheme, place)) = url.split_once("://") else { return url.to_owned() };
     let Some(port) = place.strip_prefix("0.0.0.0:").or_else(|| place.strip_prefix("[::]:")) else {
         return url.to_owned();
@@ -224,7 +230,7 @@ const fn is_tls_configured(options: &Serve) -> bool {
 
 /// What keeps the daemon from starting with these options, each with its key: all that can be told without listening or writing anything.
 /// Of files that are not for this user nothing is said: a service may be given them by its manager.
-pub fn find_start_mistakes(options: &Serve) -> Vec<(&'static str, String)> {
+pub fn list_mistakes_that_prevent_daemon_start_by_config_key(options: &Serve) -> Vec<(&'static str, String)> {
     let mut all = Vec::new();
     let is_anothers = |path: &Path| {
         private_file::open_without_waiting(path).is_err_and(|error| error.kind() == ErrorKind::PermissionDenied)
@@ -307,7 +313,11 @@ fn find_record_path_mistake(path: &Path) -> Option<String> {
 }
 
 /// Where to listen: the ports that there are, with TLS where that is wanted, and the socket in the file system.
-fn open_listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) -> Result<Vec<Listener>, Failure> {
+fn make_listeners_with_tls_and_unix_socket_from_bound_ports(
+    options: &Serve,
+    place: &HostPort,
+    ports: Vec<TcpListener>,
+) -> Result<Vec<Listener>, Failure> {
     let tls = match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
         (Some(certificate), Some(key), _) => {
             let files = TlsFiles { certificate: certificate.clone(), key: key.clone() };

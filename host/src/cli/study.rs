@@ -51,7 +51,7 @@ impl From<WriteError> for Failure {
 pub fn run_study(options: &Options) -> Outcome {
     let study = Study::load(&options.study)?;
     let path = options.out.clone().unwrap_or_else(|| default_results_folder_in_current_directory(&options.study));
-    let folder = StudyFolder::open_or_create(&path, study.fingerprint())?;
+    let folder = StudyFolder::open_or_create_refusing_folder_of_other_study(&path, study.fingerprint())?;
     warn_of_actuators_that_fail_press(&study);
     let stops = make_signal_stop_flag_second_signal_exits();
     let shard = options.shard.unwrap_or(Shard::ALL);
@@ -115,7 +115,7 @@ pub fn run_study(options: &Options) -> Outcome {
 /// are many, which lack the same stops.
 fn warn_of_actuators_that_fail_press(study: &Study) {
     // A table takes a second or two, and with all stops there is nothing to say.
-    if let Some(scene) = study.space.base_scene_if_any_grounded_actuator_lacks_stop() {
+    if let Some(scene) = study.space.base_scene_if_any_ground_mounted_actuator_lacks_end_stop() {
         // Where there is none, the scene's own row of the results says why.
         let _ = load_or_compute_plan_table(&PanelOptions::default(), CacheOptions { no_cache: true }, &scene);
     }

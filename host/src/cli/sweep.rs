@@ -11,7 +11,7 @@ use super::{Failure, Outcome, print_json, print_text};
 use crate::maps::npy;
 use crate::model::{Bound, BoundedAnswer};
 use crate::response::sweep::{AccelerationSweep, Arithmetic};
-use crate::response::{MOST_SWEEP_VALUES, SINGLE_DOES, sweep_with_error_bounds};
+use crate::response::{MOST_SWEEP_VALUES, SINGLE_DOES, compute_acceleration_sweep_per_newton_with_error_bounds};
 use crate::scene::Scene;
 use serde_json::json;
 use std::fmt::Write as _;
@@ -58,13 +58,13 @@ fn compute_and_write_sweep<T: StoredNumber>(options: &Options) -> Outcome {
     }
     let accuracy = options.panel.accuracy_from_time_limit_or_options(options.time)?;
     let (x_m, y_m) = scene.surface_grid_lines_m(options.grid);
-    check_value_count(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
+    refuse_too_many_sweep_values(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
     check_has_actuators(&scene)?;
     warn_if_too_thick_for_thin_plate_theory(&scene, options.band.to);
     let size = (frequencies_hz.len(), x_m.len() * y_m.len());
     let cost = Cost::estimate_for_responses_unless_time_limited(&scene, accuracy, options.band.to, size)?;
     let found = run_with_progress_and_expected_cost("computing the responses", cost, || {
-        sweep_with_error_bounds::<T>(&scene, accuracy, (&x_m, &y_m), &frequencies_hz)
+        compute_acceleration_sweep_per_newton_with_error_bounds::<T>(&scene, accuracy, (&x_m, &y_m), &frequencies_hz)
     })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     tell_refinement_steps_if_asked(&options.panel, &scene, accuracy, &found.steps);
@@ -160,7 +160,8 @@ impl Extremes {
     ) -> Self {
         let mut peaks: Vec<Extreme> = (0..sweep.points).map(|point| Extreme { point, ..Extreme::default() }).collect();
         for frequency in 0..frequencies {
-            for (peak, value) in peaks.iter_mut().zip(sweep.accelerations_of_all_points(frequency, actuator)) {
+            for (peak, value) in peaks.iter_mut().zip(sweep.accelerations_per_newton_of_all_points(frequency, actuator))
+            {
                 if value.norm() > peak.value {
                     (peak.value, peak.frequency) = (value.norm(), frequency);
                 }
@@ -209,7 +210,7 @@ fn summarize_sweep_as_json<T: StoredNumber>(
 }
 
 #[expect(clippy::cast_precision_loss, reason = "a size to be refused")]
-fn check_value_count(scene: &Scene, points: usize, frequencies: usize) -> Result<(), Failure> {
+fn refuse_too_many_sweep_values(scene: &Scene, points: usize, frequencies: usize) -> Result<(), Failure> {
     let values = points as f64 * frequencies as f64 * scene.actuators.len() as f64;
     if values <= MOST_SWEEP_VALUES {
         return Ok(());

@@ -60,7 +60,7 @@ pub fn parse_png_path(text: &str) -> Result<PathBuf, String> {
 }
 
 /// The extension says what is written.
-pub fn parse_export_path(text: &str) -> Result<PathBuf, String> {
+pub fn parse_path_ending_in_csv_wav_or_png(text: &str) -> Result<PathBuf, String> {
     ["csv", "wav"]
         .into_iter()
         .find_map(|extension| parse_path_with_extension(text, extension, "").ok())
@@ -83,7 +83,7 @@ pub fn parse_comma_separated_grid_counts(text: &str) -> Result<(usize, usize), S
 }
 
 /// The address of a daemon: `http://` may be left out, and nothing else is spoken.
-pub fn parse_url(text: &str) -> Result<String, String> {
+pub fn parse_daemon_url_adding_http_if_no_scheme(text: &str) -> Result<String, String> {
     let (scheme, rest) = text.trim().split_once("://").unwrap_or(("http", text.trim()));
     let scheme = scheme.to_ascii_lowercase();
     if !matches!(scheme.as_str(), "http" | "https") {
@@ -144,7 +144,7 @@ pub fn parse_listen_address(text: &str) -> Result<HostPort, String> {
 ///
 /// # Errors
 /// What is allowed.
-pub fn parse_tolerances(text: &str) -> Result<Tolerances, String> {
+pub fn parse_tolerances_of_springs_modulus_thickness_and_places(text: &str) -> Result<Tolerances, String> {
     let allowed = || {
         format!(
             "must be four numbers, separated by commas, each the largest deviation of one property: spring stiffness, \

@@ -11,11 +11,11 @@ use clap::Args;
 #[command(next_help_heading = PLANNER)]
 pub struct PlanWishes {
     /// Time window of the target, in ms from the start of the touch [default: the whole touch]
-    #[arg(long, value_name = "FROM-TO", value_parser = parse_window)]
+    #[arg(long, value_name = "FROM-TO", value_parser = parse_time_window_ms)]
     pub window: Option<Window>,
     /// Another target: its point in the same unit as the touched point, its requested peak in g and its time window in
     /// ms; can be repeated
-    #[arg(long, value_name = "X,Y[:G[:FROM-TO]]", value_parser = parse_additional_target, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y[:G[:FROM-TO]]", value_parser = parse_target_point_with_optional_peak_and_window, allow_hyphen_values = true)]
     pub also: Vec<AdditionalTarget>,
     /// A quiet zone: its centre in the same unit as the touched point, its radius in mm and the highest allowed peak
     /// acceleration in g; can be repeated
@@ -53,14 +53,14 @@ fn parse_number(text: &str) -> Result<f64, String> {
     text.trim().parse().ok().filter(|value: &f64| value.is_finite()).ok_or(format!("{text:?} is not a number"))
 }
 
-fn parse_window(text: &str) -> Result<Window, String> {
+fn parse_time_window_ms(text: &str) -> Result<Window, String> {
     let (from, to) = text.split_once('-').ok_or(format!("{text:?} is not of the form FROM-TO"))?;
     let window = Window { from_ms: parse_number(from)?, to_ms: parse_number(to)? };
     window.check_range().map_err(|error| error.to_string().replace("from_ms", "FROM").replace("to_ms", "TO"))?;
     Ok(window)
 }
 
-fn parse_additional_target(text: &str) -> Result<AdditionalTarget, String> {
+fn parse_target_point_with_optional_peak_and_window(text: &str) -> Result<AdditionalTarget, String> {
     let parts: Vec<&str> = text.split(':').collect();
     let (at, intensity, window) = match parts.as_slice() {
         [at] => (at, None, None),
@@ -73,7 +73,7 @@ fn parse_additional_target(text: &str) -> Result<AdditionalTarget, String> {
             at: parse_unitless_point(at)?,
             // Left empty for a window alone.
             intensity_g: intensity.filter(|text| !text.is_empty()).map(|text| parse_number(text)).transpose()?,
-            window: window.map(|text| parse_window(text)).transpose()?,
+            window: window.map(|text| parse_time_window_ms(text)).transpose()?,
         })
     };
     read().map_err(|error| format!("{error} (the form is X,Y[:G[:FROM-TO]])"))
@@ -98,13 +98,16 @@ mod tests {
     fn options_are_read_as_written() {
         let window = Window { from_ms: 200.0, to_ms: 500.0 };
         let at = Point { x: 10.0, y: -2.5 };
-        assert_eq!(parse_additional_target("10,-2.5"), Ok(AdditionalTarget { at, intensity_g: None, window: None }));
         assert_eq!(
-            parse_additional_target("10,-2.5:0.3"),
+            parse_target_point_with_optional_peak_and_window("10,-2.5"),
+            Ok(AdditionalTarget { at, intensity_g: None, window: None })
+        );
+        assert_eq!(
+            parse_target_point_with_optional_peak_and_window("10,-2.5:0.3"),
             Ok(AdditionalTarget { at, intensity_g: Some(0.3), window: None })
         );
         assert_eq!(
-            parse_additional_target("10,-2.5::200-500"),
+            parse_target_point_with_optional_peak_and_window("10,-2.5::200-500"),
             Ok(AdditionalTarget { at, intensity_g: None, window: Some(window) })
         );
         assert_eq!(
@@ -114,9 +117,9 @@ mod tests {
         for (text, wanted) in
             [("1,2:x", "\"x\""), ("1,2:1:2:3", "X,Y[:G[:FROM-TO]]"), ("1", "X,Y"), ("1,2:1:5", "FROM-TO")]
         {
-            assert!(parse_additional_target(text).unwrap_err().contains(wanted), "{text}");
+            assert!(parse_target_point_with_optional_peak_and_window(text).unwrap_err().contains(wanted), "{text}");
         }
-        assert!(parse_window("500-200").unwrap_err().contains("TO is 200"));
+        assert!(parse_time_window_ms("500-200").unwrap_err().contains("TO is 200"));
         assert!(parse_circular_quiet_zone_and_its_limit("1,2:3").is_err());
     }
 }

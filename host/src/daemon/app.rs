@@ -67,14 +67,20 @@ impl App {
     /// # Errors
     /// If the session's thread cannot be started.
     pub fn new(table: PlanTable, device: OpenDevice, scene_toml: String) -> std::io::Result<Self> {
-        Self::with_policy(table, device, scene_toml, SessionPolicy::default(), Access::default())
+        Self::start_session_with_policy_and_access(
+            table,
+            device,
+            scene_toml,
+            SessionPolicy::default(),
+            Access::default(),
+        )
     }
 
     /// The same with what the session does without being asked, and who may do what.
     ///
     /// # Errors
     /// If the session's thread cannot be started.
-    pub fn with_policy(
+    pub fn start_session_with_policy_and_access(
         table: PlanTable,
         device: OpenDevice,
         scene_toml: String,
@@ -112,7 +118,7 @@ impl App {
     /// Writes a line down, where that is wanted.
     pub fn record_line(&self, kind: &str, content: impl FnOnce() -> serde_json::Value) {
         if let Some(record) = &self.record {
-            record.record_line(kind, content);
+            record.queue_line_or_count_as_left_out_if_full(kind, content);
         }
     }
 

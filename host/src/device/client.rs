@@ -174,7 +174,7 @@ impl Client {
     /// A client over `transport` that waits `timeout` for each answer, three times.
     #[must_use]
     pub fn new(transport: Box<dyn Transport>, timeout: Duration) -> Self {
-        Self::with_retry_policy(transport, RetryPolicy::with_constant_timeout(timeout))
+        Self::with_retry_policy(transport, RetryPolicy::with_three_tries_of_constant_timeout(timeout))
     }
 
     /// A client over `transport` with these times and repeats.
@@ -264,7 +264,7 @@ impl Client {
         request: &Request,
         hooks: &mut Option<WaitHooks<'_>>,
     ) -> Result<Reply, LinkError> {
-        match self.request_with_retries_or_stop(request, hooks)? {
+        match self.request_with_retries_sending_stop_when_due(request, hooks)? {
             Reply::Refused(Refusal::Version { device_min, device_current, .. }) => {
                 let common = device_current.min(CURRENT_VERSION);
                 if common >= device_min.max(MIN_VERSION) && common != self.version {
@@ -284,7 +284,7 @@ impl Client {
         }
     }
 
-    fn request_with_retries_or_stop(
+    fn request_with_retries_sending_stop_when_due(
         &mut self,
         request: &Request,
         hooks: &mut Option<WaitHooks<'_>>,

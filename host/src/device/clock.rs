@@ -110,7 +110,7 @@ impl ClockFit {
         self.fitted_board_time_s_in_answer_to_request_sent_at(time_s - self.least_half_s) + (true_s - found_s)
     }
 
-    fn add_sample(&mut self, sent_s: f64, half_round_trip_s: f64, board_s: f64) {
+    fn add_sample_unless_late_outlier(&mut self, sent_s: f64, half_round_trip_s: f64, board_s: f64) {
         self.samples += 1;
         if half_round_trip_s < self.least_half_s + (sent_s - self.least_half_at_s) * ROUND_TRIP_AGEING {
             (self.least_half_s, self.least_half_at_s) = (half_round_trip_s, sent_s);
@@ -162,7 +162,12 @@ impl ClockSync {
 
     /// Adds a question that was sent at `sent`, and whose answer `board_us`, the board's time, was read at `received`. A board whose clock has gone
     /// back has restarted, and all earlier samples are forgotten.
-    pub fn add_sample(&mut self, sent: Instant, received: Instant, board_us: u64) {
+    pub fn add_sample_forgetting_earlier_if_board_clock_went_back(
+        &mut self,
+        sent: Instant,
+        received: Instant,
+        board_us: u64,
+    ) {
         let sent_s = self.seconds_since_zero(sent);
         let received_s = self.seconds_since_zero(received).max(sent_s);
         let half_s = 0.5 * (received_s - sent_s);
@@ -174,7 +179,7 @@ impl ClockSync {
             Some(fit) => {
                 fit.last = last;
                 let board_s = microseconds_to_seconds(board_us - fit.board_zero_us);
-                fit.add_sample(sent_s, half_s, board_s);
+                fit.add_sample_unless_late_outlier(sent_s, half_s, board_s);
             }
             none => {
                 *none = Some(ClockFit {

@@ -37,7 +37,7 @@ pub fn drive_to_wire(drive: &SiDrive) -> ChannelDrive {
 /// rounded down; windows beyond what a sequence holds are left out.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates, which is what is wanted")]
-pub fn windows_to_wire(windows: &[EffectWindow]) -> WindowSequence {
+pub fn windows_to_wire_sequence_dropping_excess(windows: &[EffectWindow]) -> WindowSequence {
     /// Ticks of a sequence in a us.
     const TICKS: f64 = 10.0;
     let ticks = |us: f64| (us * TICKS).round() as u32;

@@ -25,7 +25,7 @@ const BUILDING: &str = "building the firmware (cargo xtask firmware)";
 const TIMING: LinkTiming = LinkTiming {
     retry_policy: RetryPolicy {
         stop: Duration::from_secs(5),
-        ..RetryPolicy::with_constant_timeout(Duration::from_secs(5))
+        ..RetryPolicy::with_three_tries_of_constant_timeout(Duration::from_secs(5))
     },
     keep_alive: Duration::from_millis(50),
     status: Duration::from_millis(250),
@@ -81,7 +81,7 @@ impl EmulatedBoard {
     ///
     /// # Errors
     /// [`EmulatedError`].
-    pub fn build_and_start() -> Result<Self, EmulatedError> {
+    pub fn find_or_build_firmware_and_start_emulator() -> Result<Self, EmulatedError> {
         let elf = find_firmware_in_environment_or_build(&find_source_root()?)?;
         Self::start_image(elf)
     }
@@ -146,7 +146,7 @@ impl EmulatedBoard {
     ///
     /// # Errors
     /// [`EmulatedError::Control`].
-    pub fn read_timer_registers(&self) -> Result<Vec<TimerRegisters>, EmulatedError> {
+    pub fn read_channel_timers_with_main_output_bit_from_pins(&self) -> Result<Vec<TimerRegisters>, EmulatedError> {
         let answer = self.send_bridge_command_and_await_answer(&json!({"op": "timers"}))?;
         let pins = self.send_bridge_command_and_await_answer(&json!({"op": "pins"}))?;
         (1..)

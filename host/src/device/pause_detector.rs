@@ -24,7 +24,7 @@ pub struct PauseDetector {
 }
 
 impl PauseDetector {
-    /// A detector whose owner calls [`Self::take_pause_since_last_call_if_any`] at least every `longest` while the program runs.
+    /// A detector whose owner calls [`Self::take_time_since_last_call_if_host_slept_or_process_suspended`] at least every `longest` while the program runs.
     #[must_use]
     pub fn new(longest: Duration) -> Self {
         let [asked, asleep] = read_uptime_and_time_asleep();
@@ -32,16 +32,19 @@ impl PauseDetector {
     }
 
     /// How long the program has not run since the last call; `None` if it has run.
-    pub fn take_pause_since_last_call_if_any(&mut self) -> Option<Duration> {
-        self.take_pause_since_last_call_if_any_at(read_uptime_and_time_asleep())
+    pub fn take_time_since_last_call_if_host_slept_or_process_suspended(&mut self) -> Option<Duration> {
+        self.take_time_since_last_call_if_host_slept_or_process_suspended_at(read_uptime_and_time_asleep())
     }
 
-    fn take_pause_since_last_call_if_any_at(&mut self, [now, asleep]: [Duration; 2]) -> Option<Duration> {
-        let since = now.saturating_sub(self.asked);
-        let slept = asleep.saturating_sub(self.asleep);
-        self.asked = now;
+    fn take_time_since_last_call_if_host_slept_or_process_suspended_at(
+        &mut self,
+        [uptime, total_asleep]: [Duration; 2],
+    ) -> Option<Duration> {
+        let since = uptime.saturating_sub(self.asked);
+        let slept = total_asleep.saturating_sub(self.asleep);
+        self.asked = uptime;
         // Readings are too small where something came between them, never too large.
-        self.asleep = self.asleep.max(asleep);
+        self.asleep = self.asleep.max(total_asleep);
         (slept > SHORTEST || since > self.longest).then_some(since)
     }
 }
@@ -61,13 +64,29 @@ mod tests {
     fn a_sleep_and_a_hold_are_pauses_and_a_late_thread_is_none() {
         let ms = Duration::from_millis;
         let mut awake = PauseDetector { longest: ms(3000), asked: ms(50_000), asleep: ms(7000) };
-        assert_eq!(awake.take_pause_since_last_call_if_any_at([ms(50_030), ms(7000)]), None);
-        assert_eq!(awake.take_pause_since_last_call_if_any_at([ms(52_930), ms(7000)]), None, "a thread that came late");
+        assert_eq!(awake.take_time_since_last_call_if_host_slept_or_process_suspended_at([ms(50_030), ms(7000)]), None);
+        assert_eq!(
+            awake.take_time_since_last_call_if_host_slept_or_process_suspended_at([ms(52_930), ms(7000)]),
+            None,
+            "a thread that came late"
+        );
         // Something came between the two readings, and the next are right again.
-        assert_eq!(awake.take_pause_since_last_call_if_any_at([ms(52_960), ms(6500)]), None);
-        assert_eq!(awake.take_pause_since_last_call_if_any_at([ms(52_990), ms(7000)]), None);
-        assert_eq!(awake.take_pause_since_last_call_if_any_at([ms(53_500), ms(7480)]), Some(ms(510)), "a short sleep");
-        assert_eq!(awake.take_pause_since_last_call_if_any_at([ms(53_530), ms(7480)]), None, "told once");
-        assert_eq!(awake.take_pause_since_last_call_if_any_at([ms(60_000), ms(7480)]), Some(ms(6470)), "a hold");
+        assert_eq!(awake.take_time_since_last_call_if_host_slept_or_process_suspended_at([ms(52_960), ms(6500)]), None);
+        assert_eq!(awake.take_time_since_last_call_if_host_slept_or_process_suspended_at([ms(52_990), ms(7000)]), None);
+        assert_eq!(
+            awake.take_time_since_last_call_if_host_slept_or_process_suspended_at([ms(53_500), ms(7480)]),
+            Some(ms(510)),
+            "a short sleep"
+        );
+        assert_eq!(
+            awake.take_time_since_last_call_if_host_slept_or_process_suspended_at([ms(53_530), ms(7480)]),
+            None,
+            "told once"
+        );
+        assert_eq!(
+            awake.take_time_since_last_call_if_host_slept_or_process_suspended_at([ms(60_000), ms(7480)]),
+            Some(ms(6470)),
+            "a hold"
+        );
     }
 }

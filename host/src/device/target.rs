@@ -129,10 +129,13 @@ impl OpenDevice {
     ///
     /// # Errors
     /// [`TargetError`].
-    pub fn open(target: &Target, make_panel: impl FnOnce() -> (SimPanel, Vec<f64>)) -> Result<Self, TargetError> {
+    pub fn open(
+        target: &Target,
+        make_panel_if_sim: impl FnOnce() -> (SimPanel, Vec<f64>),
+    ) -> Result<Self, TargetError> {
         match target {
             Target::Sim => {
-                let (panel, max_voltages_v) = make_panel();
+                let (panel, max_voltages_v) = make_panel_if_sim();
                 let sim = SimDevice::start(panel, max_voltages_v).map_err(TargetError::Sim)?;
                 let path = sim.port_path().to_owned();
                 Ok(Self {
@@ -144,7 +147,7 @@ impl OpenDevice {
                     any: false,
                 })
             }
-            board => Self::open_board(board),
+            board => Self::start_emulator_or_check_board_port_opens(board),
         }
     }
 
@@ -152,11 +155,11 @@ impl OpenDevice {
     ///
     /// # Errors
     /// [`TargetError`]; [`TargetError::NoBoard`] for [`Target::Sim`].
-    pub fn open_board(target: &Target) -> Result<Self, TargetError> {
+    pub fn start_emulator_or_check_board_port_opens(target: &Target) -> Result<Self, TargetError> {
         match target {
             Target::Sim => Err(TargetError::NoBoard),
             Target::Emulated => {
-                let board = EmulatedBoard::build_and_start()?;
+                let board = EmulatedBoard::find_or_build_firmware_and_start_emulator()?;
                 let (path, timing) = (board.port_path().to_owned(), board.timing());
                 Ok(Self {
                     kind: "emulated",
@@ -242,7 +245,7 @@ impl OpenDevice {
                     "the emulator's port failed: {source}. If the emulator's process has ended, the daemon starts it again"
                 )
             }
-            _ => describe_port_link_error(&self.path, error),
+            _ => describe_link_error_and_name_programs_on_port(&self.path, error),
         }
     }
 
@@ -306,7 +309,7 @@ impl OpenDevice {
 /// Describes a failed link over the port at `path`. Where the port works and the board is not heard, another program may take its answers: the programs that
 /// have the port open are named.
 #[must_use]
-pub fn describe_port_link_error(path: &str, error: &LinkError) -> String {
+pub fn describe_link_error_and_name_programs_on_port(path: &str, error: &LinkError) -> String {
     let users = match error {
         LinkError::Silent { .. } | LinkError::Blocked { .. } | LinkError::Unexpected { .. } => {
             PortUsers::find_for_port(path).sentence_about_users_of_faulty_port_or_empty()

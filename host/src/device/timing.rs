@@ -26,7 +26,7 @@ pub struct RetryPolicy {
 impl RetryPolicy {
     /// Three tries that each wait for `timeout`, without a doubt or a stop before the end.
     #[must_use]
-    pub const fn with_constant_timeout(timeout: Duration) -> Self {
+    pub const fn with_three_tries_of_constant_timeout(timeout: Duration) -> Self {
         Self { again: timeout, most: timeout, tries: 3, doubt: Duration::MAX, stop: Duration::MAX }
     }
 
@@ -126,7 +126,7 @@ mod tests {
         let waits = |last| [0, 1, 2, 3, 40].map(|number| REAL_TIME.retry_policy.timeout_of_try(number, last));
         assert_eq!(waits(ms(2)), [ms(25), ms(50), ms(100), ms(100), ms(100)]);
         assert_eq!(waits(ms(30)), [ms(60), ms(60), ms(100), ms(100), ms(100)]);
-        assert_eq!(RetryPolicy::with_constant_timeout(ms(500)).timeout_of_try(2, ms(2000)), ms(500));
+        assert_eq!(RetryPolicy::with_three_tries_of_constant_timeout(ms(500)).timeout_of_try(2, ms(2000)), ms(500));
     }
 
     #[test]

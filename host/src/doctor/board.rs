@@ -1,8 +1,8 @@
 //! What a board says when it is asked. Every question is one that changes nothing on it.
 
 use super::facts::{BoardReport, Clock, PortAnswer, Supply};
-use crate::device::port::{PortError, SerialPort, run_calls_within};
-use crate::device::target::describe_port_link_error;
+use crate::device::port::{PortError, SerialPort, run_port_calls_in_thread_abandoned_after_limit};
+use crate::device::target::describe_link_error_and_name_programs_on_port;
 use crate::device::timing::REAL_TIME;
 use crate::device::{Client, ClockSync, DeviceIdentity, LinkError};
 use era_shared::protocol::{CURRENT_VERSION, DetailsReply, MIN_VERSION, Reply, Request, ResetCause};
@@ -23,7 +23,7 @@ pub fn ask_board(path: &str) -> PortAnswer {
         Ok(transport) => transport,
         Err(error) => return classify_open_error(&error),
     };
-    let asked = run_calls_within(path, ASK_LIMIT, move |step| {
+    let asked = run_port_calls_in_thread_abandoned_after_limit(path, ASK_LIMIT, move |step| {
         step.name_and_run_call("read or write", || {
             read_board_report(&mut Client::with_retry_policy(Box::new(transport), REAL_TIME.retry_policy))
         })
@@ -31,7 +31,7 @@ pub fn ask_board(path: &str) -> PortAnswer {
     match asked {
         Ok(Ok(heard)) => PortAnswer::Heard(heard),
         Ok(Err(error @ LinkError::Version { .. })) => PortAnswer::Version(error.to_string()),
-        Ok(Err(error)) => PortAnswer::Silent(describe_port_link_error(path, &error)),
+        Ok(Err(error)) => PortAnswer::Silent(describe_link_error_and_name_programs_on_port(path, &error)),
         Err(error) => PortAnswer::Failed(error.to_string()),
     }
 }
@@ -97,7 +97,7 @@ fn measure_clock_quality_if_two_samples(client: &mut Client) -> Result<Option<Cl
             return Err(unexpected_reply_error("clock"));
         };
         if let Some((sent, received)) = client.last_answered_frame_written_at().zip(client.last_reply_read_at()) {
-            sync.add_sample(sent, received, now_us);
+            sync.add_sample_forgetting_earlier_if_board_clock_went_back(sent, received, now_us);
         }
         std::thread::sleep(CLOCK_EVERY);
     }

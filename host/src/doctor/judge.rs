@@ -10,14 +10,14 @@ pub fn judge_facts(facts: &Facts) -> Vec<Finding> {
     let mut all: Vec<Finding> = Vec::new();
     all.extend(facts.config.as_ref().map(|file| judge_read_file("config", file)));
     all.extend(facts.scene.as_ref().map(|file| judge_read_file("scene", file)));
-    all.push(list_ports_as_finding(facts));
+    all.push(list_serial_ports_as_finding(facts));
     all.push(judge_board_presence(facts));
     all.extend(judge_udev_rule_if_machine_has_udev(facts));
     all.push(judge_modem_manager(facts));
     all.push(judge_daemon(facts));
     if let Some(chosen) = &facts.chosen {
         let has_rule = facts.rules.as_ref().is_some_and(|rules| !rules.is_empty());
-        all.extend(judge_chosen_port(chosen, &facts.daemon, has_rule));
+        all.extend(judge_permission_use_and_answer_of_chosen_serial_port(chosen, &facts.daemon, has_rule));
     }
     match find_direct_and_daemon_board_reports(facts) {
         (Some(direct), through) => {
@@ -51,7 +51,7 @@ fn judge_read_file(check: &'static str, file: &File) -> Finding {
     }
 }
 
-fn list_ports_as_finding(facts: &Facts) -> Finding {
+fn list_serial_ports_as_finding(facts: &Facts) -> Finding {
     let list: Vec<String> = facts
         .ports
         .iter()
@@ -187,7 +187,11 @@ fn judge_daemon(facts: &Facts) -> Finding {
 const RULE: &str = "run `sudo era install --only rule`, and connect the board again";
 
 /// The port itself: may it be opened, and who has it.
-fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Finding> {
+fn judge_permission_use_and_answer_of_chosen_serial_port(
+    chosen: &Chosen,
+    daemon: &Daemon,
+    has_udev_rule: bool,
+) -> Vec<Finding> {
     let Chosen { path, access, holders, answer } = chosen;
     let mut all = vec![match answer {
         PortAnswer::Denied => {
@@ -199,7 +203,8 @@ fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Fi
                 ),
                 None => (String::new(), String::new()),
             };
-            let first = if has_rule { "connect the board again, so that the udev rule takes effect" } else { RULE };
+            let first =
+                if has_udev_rule { "connect the board again, so that the udev rule takes effect" } else { RULE };
             Finding::problem(
                 "permission",
                 format!("this user has no permission to open {path}{group}"),

@@ -16,7 +16,7 @@ const RULES: [&str; 4] = ["etc/udev/rules.d", "run/udev/rules.d", "usr/lib/udev/
 
 /// The serial ports, by path.
 #[must_use]
-pub fn list_ports() -> Vec<Port> {
+pub fn list_serial_ports_with_usb_identity() -> Vec<Port> {
     let mut ports: Vec<Port> = port::list_serial_ports()
         .into_iter()
         .map(|port| Port {
@@ -33,7 +33,7 @@ pub fn list_ports() -> Vec<Port> {
 
 /// Whether a chip waits in its bootloader; `None` if the bus cannot be looked at.
 #[must_use]
-pub fn has_chip_in_bootloader() -> Option<bool> {
+pub fn is_chip_in_bootloader_on_usb_if_usb_is_readable() -> Option<bool> {
     match find_bootloader() {
         Ok(found) => Some(found.is_some()),
         Err(UsbError::Several(_)) => Some(true),
@@ -43,7 +43,7 @@ pub fn has_chip_in_bootloader() -> Option<bool> {
 
 /// The udev rules that name the board; `None` where there is no folder of rules.
 #[must_use]
-pub fn find_udev_rules_for_board(root: &Path) -> Option<Vec<Rule>> {
+pub fn find_udev_rules_for_board_if_machine_has_udev(root: &Path) -> Option<Vec<Rule>> {
     let folders: Vec<_> = RULES.iter().filter_map(|folder| fs::read_dir(root.join(folder)).ok()).collect();
     if folders.is_empty() {
         return None;

@@ -76,7 +76,7 @@ mod tests {
         for effect in NamedEffect::value_variants() {
             let own = list.iter().find(|own| own.used_in == NameUse::Touch && own.name == effect.name()).unwrap();
             let Some(duration_ms) = own.duration_ms else { continue };
-            let envelope = EffectRequest::with_defaults(*effect).build_envelope().unwrap();
+            let envelope = EffectRequest::with_defaults(*effect).build_envelope_or_plain_push_if_click().unwrap();
             assert!((1e3 * effect_duration_s(&envelope, 5e-3) - duration_ms).abs() < 1e-6, "{}", own.name);
         }
     }

@@ -6,7 +6,7 @@
 use super::parts::{Part, PartContent, PulseKind};
 use crate::effects::{
     DesignError, EffectDesign, EffectRequest, NamedEffect, design_effect,
-    design_effect_of_windows_if_click_else_of_drives, design_envelope,
+    design_effect_of_windows_if_click_else_of_drives, design_effect_with_given_envelope,
 };
 use crate::planner::click::{ClickOptions, Preference};
 use crate::planner::rise::PanelPoles;
@@ -203,7 +203,7 @@ impl<'a> PartDesigner<'a> {
         let (kind, design) = match &part.content {
             PartContent::Envelope(segments) => {
                 let envelope = Effect { segments: segments.iter().copied().collect(), times: 1 };
-                (PartKind::Envelope, design_envelope(table, poles, plan, envelope)?)
+                (PartKind::Envelope, design_effect_with_given_envelope(table, poles, plan, envelope)?)
             }
             PartContent::Pulse(kind, intensity) => {
                 let kind = match kind {
@@ -220,7 +220,7 @@ impl<'a> PartDesigner<'a> {
                     }
                 };
                 let Some((_, _, full)) = pulses.get(known) else { return Ok(()) };
-                (kind, full.weaken(*intensity))
+                (kind, full.scale_copy_to_force_fraction(*intensity))
             }
         };
         if !effect.scales.iter().any(|scale| (scale.place, scale.kind) == (place, kind)) {

@@ -2,7 +2,7 @@
 
 use super::check::{CheckError, InstalledFirmware, check_idle};
 use crate::device::client::request_name;
-use crate::device::port::{PortError, run_calls_within};
+use crate::device::port::{PortError, run_port_calls_in_thread_abandoned_after_limit};
 use crate::device::{Client, DeviceIdentity, LinkError, OpenDevice, Target, TargetError};
 use era_shared::protocol::{BOOTLOADER_KEY, CURRENT_VERSION, MIN_VERSION, Reply, Request};
 use std::time::{Duration, Instant};
@@ -53,7 +53,7 @@ impl Board {
     /// # Errors
     /// [`BoardError`].
     pub fn open(target: &Target) -> Result<Self, BoardError> {
-        let device = OpenDevice::open_board(target)?;
+        let device = OpenDevice::start_emulator_or_check_board_port_opens(target)?;
         let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
         let (client, reply) = ask_within_limit(device.open_client()?, &device, &hello)?;
         match DeviceIdentity::from_reply_if_hello(reply.clone()) {
@@ -140,7 +140,7 @@ impl Board {
 fn ask_within_limit(mut client: Client, device: &OpenDevice, request: &Request) -> Result<(Client, Reply), BoardError> {
     let limit = device.timing().retry_policy.longest_total_wait().saturating_mul(2).saturating_add(CALLS);
     let asked = request.clone();
-    let (client, reply) = run_calls_within(device.port_path(), limit, move |step| {
+    let (client, reply) = run_port_calls_in_thread_abandoned_after_limit(device.port_path(), limit, move |step| {
         let reply = step.name_and_run_call("read or write", || client.request(&asked));
         (client, reply)
     })?;

@@ -4,7 +4,7 @@
 use crate::device::convert::{achieved_drive_from_wire, drive_to_wire};
 use crate::device::sim::{LargestTravel, SimPanel};
 use crate::model::ReducedModel;
-use crate::planner::drive::assign_channels;
+use crate::planner::drive::assign_channels_in_order_of_drives;
 use crate::planner::softening::{MotionError, Transducer};
 use crate::planner::{self, Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
 use crate::response;
@@ -245,7 +245,9 @@ pub fn compare_plans_at_points_with_simulation(
         if stop.is_stop_requested_or_deadline_over() {
             Err(PlanError::Stopped.into())
         } else {
-            stop.run_stoppable(|| compare_plan_with_simulation(table, &panel, *target))
+            stop.run_with_self_as_current_stop_request_of_thread(|| {
+                compare_plan_with_simulation(table, &panel, *target)
+            })
         }
     };
     targets.par_iter().map(compared).collect()
@@ -301,7 +303,7 @@ fn record_simulated_plan(
     let transducers: Vec<Transducer> = actuators.iter().map(Transducer::from_actuator).collect();
     let mut bench = Bench::new(panel, &volts);
     bench.send_request(&Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MAX_MS) })?;
-    let drives = assign_channels(&plan.drives).iter().map(drive_to_wire).collect();
+    let drives = assign_channels_in_order_of_drives(&plan.drives).iter().map(drive_to_wire).collect();
     let Reply::DrivesSet { achieved } = bench.send_request(&Request::SetDrives { drives })? else {
         return Err(VerifyError::Device("it did not confirm the drives".into()));
     };

@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let study = Study::parse_texts("study.toml", STUDY, "plate.toml", STARTING_PLATE)?;
     // What is done is kept there: a second run goes on where the first one ended.
     let results = tempfile::tempdir()?;
-    let folder = StudyFolder::open_or_create(results.path(), study.fingerprint())?;
+    let folder = StudyFolder::open_or_create_refusing_folder_of_other_study(results.path(), study.fingerprint())?;
     compute_missing_rows_of_shard(&study, &folder, &QuickEvaluator::new(study.plan_table_options()), Shard::ALL, &())?;
     let table = DesignTable::gather_from_folder(&study, &folder)?;
     for place in choose_finalist_indices_best_first(&study, &table, 3) {

@@ -62,7 +62,7 @@ impl StudyBounds {
     ///
     /// # Errors
     /// [`ExceededBound`].
-    pub(crate) fn check_counts_of_all_study_entries_and_finalists(
+    pub(crate) fn check_summed_spec_entry_count_and_finalist_count(
         &self,
         spec: &StudySpec,
     ) -> Result<(), ExceededBound> {
@@ -76,7 +76,7 @@ impl StudyBounds {
     ///
     /// # Errors
     /// [`ExceededBound`].
-    pub(crate) fn check_counts_of_key_references_and_written_bytes(
+    pub(crate) fn check_scene_key_reference_count_and_bytes_written_per_design(
         &self,
         spec: &StudySpec,
         space: &DesignSpace,

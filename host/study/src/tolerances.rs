@@ -289,7 +289,11 @@ pub fn compute_target_peak_spread_under_tolerances_with_observer(
     tolerances.check_ranges()?;
     let at = (plan.target_m[0], plan.target_m[1]);
     let peak = |scene: &Scene| {
-        compute_steady_peak_acceleration_m_per_s2(&scene.with_finger_at_places(finger_places_m), &plan.drives, at)
+        compute_steady_peak_acceleration_m_per_s2(
+            &scene.replace_finger_by_masses_and_supports_at_places(finger_places_m),
+            &plan.drives,
+            at,
+        )
     };
     let meant = peak(scene)?;
     let level = |scene: &Scene| -> Result<f64, ToleranceError> {
@@ -310,7 +314,7 @@ pub fn compute_target_peak_spread_under_tolerances_with_observer(
         let stop = StopRequest::current_request_of_thread();
         let look = |point: Vec<f64>| {
             let (scene, panel) = scene_with_deviations_at_point(scene, kinds, &point, tolerances);
-            Ok((stop.run_stoppable(|| level(&scene))?, panel))
+            Ok((stop.run_with_self_as_current_stop_request_of_thread(|| level(&scene))?, panel))
         };
         let mut looked: Vec<(f64, PanelDeviations)> =
             points.into_par_iter().map(look).collect::<Result<_, ToleranceError>>()?;
@@ -363,8 +367,9 @@ fn scene_with_deviations_at_point(
                 panel.thickness = Some(factor);
             }
             ToleranceKind::Places => {
-                panel.places_mm =
-                    Some(shift_each_place_along_x_and_y(&mut scene, || tolerances.places_mm / 1e3 * next()))
+                panel.places_mm = Some(shift_each_coordinate_keeping_places_on_surface(&mut scene, || {
+                    tolerances.places_mm / 1e3 * next()
+                }))
             }
         }
     }
@@ -397,7 +402,10 @@ fn scale_each_spring(scene: &mut Scene, mut next_factor: impl FnMut() -> f64) ->
 }
 
 /// Every place off by so many metres along x and y; on a bar along x alone.
-fn shift_each_place_along_x_and_y(scene: &mut Scene, mut next_shift_m: impl FnMut() -> f64) -> ShiftedPlaces {
+fn shift_each_coordinate_keeping_places_on_surface(
+    scene: &mut Scene,
+    mut next_shift_m: impl FnMut() -> f64,
+) -> ShiftedPlaces {
     let meant = scene.clone();
     let (length_m, width_m, is_bar) =
         (scene.surface.length_m, scene.surface.width_m, scene.surface.kind == SurfaceKind::Bar);
@@ -452,7 +460,8 @@ fn compute_steady_peak_acceleration_m_per_s2(
 ) -> Result<f64, ToleranceError> {
     let frequencies: Vec<f64> = drives.iter().map(|drive| drive.frequency_hz).collect();
     let Some(most_hz) = frequencies.iter().copied().reduce(f64::max) else { return Ok(0.0) };
-    let model = PanelModel::build(scene, Accuracy::FAST, most_hz)?.reduce(most_hz, &[(x_m, y_m)])?;
+    let model = PanelModel::build(scene, Accuracy::FAST, most_hz)?
+        .reduce_with_residual_shapes_of_actuators_and_points(most_hz, &[(x_m, y_m)])?;
     let curves = compute_acceleration_curves_per_newton(&model, &model.shape_deflections_at(x_m, y_m), &frequencies)?;
     let components: Vec<SineComponent> = drives
         .iter()

@@ -1,6 +1,8 @@
 //! What a study leaves in its folder, and what is said of it: the same whoever has computed it.
 
-use crate::report::{format_bound_rounded_up, format_four_digits, write_report_html};
+use crate::report::{
+    format_bound_with_one_digit_rounded_up, format_four_significant_digits_or_no_value_if_nan, write_report_html,
+};
 use crate::result::{
     DesignStatus, DesignTable, Finalist, GatherError, TableEntry, TableError, VerifiedFinalists, write_parquet,
 };
@@ -49,7 +51,11 @@ pub fn verify_and_write_results_unless_stopped(
 ) -> Result<Option<StudyResults>, WriteError> {
     let table = DesignTable::gather_from_folder(study, folder)?;
     folder.write_file_atomically("designs.parquet", &write_parquet(&table)?)?;
-    let Some(finals) = VerifiedFinalists::verify_scene_and_finalists_unless_stopped(study, &table, is_stop_wanted)?
+    let Some(finals) = VerifiedFinalists::evaluate_scene_and_chosen_finalists_thoroughly_unless_stopped(
+        study,
+        &table,
+        is_stop_wanted,
+    )?
     else {
         return Ok(None);
     };
@@ -67,13 +73,13 @@ pub fn verify_and_write_results_unless_stopped(
 fn format_scene_file_of_finalist(study: &Study, table: &DesignTable, finalist: &Finalist, rank: usize) -> String {
     let mut text = format!("# Rank {rank} in the study {:?}: design {}.\n", study.spec.name, finalist.design);
     for (name, value) in names_and_verified_figures_unless_failed(study, finalist) {
-        let _ = writeln!(text, "# {name} = {}", format_four_digits(value));
+        let _ = writeln!(text, "# {name} = {}", format_four_significant_digits_or_no_value_if_nan(value));
     }
     for (name, value) in names_and_worst_case_wish_figures_if_uncertain(study, table, finalist) {
         let _ = writeln!(
             text,
             "# {name} = {} at worst, over the samples of the uncertain values (in the quick evaluation of the study)",
-            format_four_digits(value)
+            format_four_significant_digits_or_no_value_if_nan(value)
         );
     }
     if let Some(limits) = finalist.describe_verified_broken_limits_if_any(study) {
@@ -127,7 +133,7 @@ impl StudyResults {
 
     /// The results as JSON, for programs.
     #[must_use]
-    pub fn summarise_as_json(&self, study: &Study, path: &Path) -> Value {
+    pub fn summarise_as_json(&self, study: &Study, results_folder: &Path) -> Value {
         let Self { table, finals } = self;
         let told = |own: &Finalist| {
             let verified = own.verified.as_ref();
@@ -144,10 +150,10 @@ impl StudyResults {
             })
         };
         json!({
-            "study": study.spec.name, "folder": path, "designs": table.entries.len(), "kept": self.count_designs_with_status(DesignStatus::Kept),
+            "study": study.spec.name, "folder": results_folder, "designs": table.entries.len(), "kept": self.count_designs_with_status(DesignStatus::Kept),
             "broken": self.count_designs_with_status(DesignStatus::Broken), "failed": self.count_designs_with_status(DesignStatus::Failed),
             "on_front": table.entries.iter().filter(|entry| entry.is_on_front).count(),
-            "nearest": table.find_one_based_least_violating_design_if_none_kept().map(|(design, entry)| json!({"design": design, "reason": entry.reason})),
+            "nearest": table.find_one_based_design_nearest_to_limits_if_none_meets_them().map(|(design, entry)| json!({"design": design, "reason": entry.reason})),
             "tolerance": finals.tolerance, "as_it_is": told(&finals.base),
             "best": finals.best.iter().map(told).collect::<Vec<_>>(),
         })
@@ -174,9 +180,14 @@ impl StudyResults {
             let mut cells = vec![name.clone(), own.design.to_string()];
             for (k, is_bounded) in is_bounded.iter().enumerate() {
                 let value = own.verified.as_ref().ok().and_then(|verified| verified.figures.values.get(k));
-                cells.push(value.map_or_else(|| "failed".into(), |value| format_four_digits(*value)));
+                cells.push(value.map_or_else(
+                    || "failed".into(),
+                    |value| format_four_significant_digits_or_no_value_if_nan(*value),
+                ));
                 cells.extend(
-                    is_bounded.then(|| bound(own, k).map_or_else(|| "not known".into(), format_bound_rounded_up)),
+                    is_bounded.then(|| {
+                        bound(own, k).map_or_else(|| "not known".into(), format_bound_with_one_digit_rounded_up)
+                    }),
                 );
             }
             let _ = writeln!(text, "| {} |", cells.join(" | "));
@@ -204,7 +215,7 @@ impl StudyResults {
 
     /// The results as text, for people.
     #[must_use]
-    pub fn summarise_as_text(&self, study: &Study, path: &Path) -> String {
+    pub fn summarise_as_text(&self, study: &Study, results_folder: &Path) -> String {
         let Self { table, finals } = self;
         let mut text = format!(
             "{}: {} designs (method {}): {} meet all limits, {} break at least one limit, {} failed",
@@ -238,7 +249,7 @@ impl StudyResults {
                 let _ = write!(
                     text,
                     "; {name} is {} at worst, over the samples of the uncertain values (in the quick evaluation of the study)",
-                    format_four_digits(value)
+                    format_four_significant_digits_or_no_value_if_nan(value)
                 );
             }
             if let Some(limits) = own.describe_verified_broken_limits_if_any(study) {
@@ -254,7 +265,7 @@ impl StudyResults {
             } else {
                 "\nNo design meets all limits."
             });
-            if let Some((design, entry)) = table.find_one_based_least_violating_design_if_none_kept() {
+            if let Some((design, entry)) = table.find_one_based_design_nearest_to_limits_if_none_meets_them() {
                 let reason = entry.reason.as_deref().unwrap_or_default();
                 let _ = write!(
                     text,
@@ -265,7 +276,7 @@ impl StudyResults {
                 let _ = write!(text, " The first failed because: {reason}");
             }
         }
-        let _ = write!(text, "\n\nthe results are in {}", path.display());
+        let _ = write!(text, "\n\nthe results are in {}", results_folder.display());
         text
     }
 }

@@ -181,8 +181,10 @@ fn what_can_be_had_under_little_voltage_is_known() {
         steady_n * 4.0 / std::f64::consts::PI * (0.5 * std::f64::consts::PI * width).sin()
     };
     let frequencies = options.frequencies_hz();
-    let model =
-        PanelModel::build(&scene, Accuracy::BALANCED, options.to_hz).unwrap().reduce(options.to_hz, &[]).unwrap();
+    let model = PanelModel::build(&scene, Accuracy::BALANCED, options.to_hz)
+        .unwrap()
+        .reduce_with_residual_shapes_of_actuators_and_points(options.to_hz, &[])
+        .unwrap();
     let peaks = |[x_mm, y_mm]: [f64; 2]| -> [Vec<f64>; 2] {
         let curves = compute_acceleration_curves_per_newton(
             &model,
@@ -237,11 +239,11 @@ fn parts_add_up() {
     let mut scene = bar(9.0);
     scene.masses.push(era_model::scene::Mass { x_m: 0.03, y_m: 0.02, mass_kg: 12e-3 });
     let sheet_g = DENSITY_KG_M3 * LENGTH_M * WIDTH_M * 9e-3 * 1e3;
-    near(parts::mass_of_surface_and_parts_g(&scene), sheet_g + 12.0 + 0.05, 1e-9);
+    near(parts::mass_of_surface_masses_and_actuators_without_air_g(&scene), sheet_g + 12.0 + 0.05, 1e-9);
     let costs = PartCosts { actuator: 7.0, support: 0.25, mass: 0.5, per_kg: 4.0 };
     let nothing = Design { settings: Vec::new() };
     near(
-        parts::parts_and_choices_cost_or_nan_if_choice_unknown(&scene, &costs, &[], &nothing),
+        parts::parts_and_choices_cost_or_nan_if_priced_choice_keeps_scene_value(&scene, &costs, &[], &nothing),
         7.0 + 2.0 * 0.25 + 0.5 + 4.0 * sheet_g / 1e3,
         1e-9,
     );
@@ -257,16 +259,21 @@ fn air_is_no_part() {
     scene.patches.push(Patch { x_m, y_m: 0.0, length_m, width_m, thickness_m: 4e-3, material });
     let line = |width_m: f64, thickness_m: f64| DENSITY_KG_M3 * width_m * thickness_m;
     let bar_kg = line(WIDTH_M, 9e-3) * (LENGTH_M - length_m) + line(width_m, 4e-3) * length_m;
-    near(parts::mass_of_surface_and_parts_g(&scene), bar_kg * 1e3 + 0.05, 1e-9);
+    near(parts::mass_of_surface_masses_and_actuators_without_air_g(&scene), bar_kg * 1e3 + 0.05, 1e-9);
     near(scene.surface_mass_with_air_kg(), bar_kg + 3.0 * (WIDTH_M * (LENGTH_M - length_m) + width_m * length_m), 1e-9);
     let mut scene = Scene::parse("plate", STARTING_PLATE).unwrap();
     scene.surface.added_mass_kg_per_m2 = 0.5;
     scene.cutouts.push(Cutout { x_m: 0.1, y_m: 0.05, length_m: 0.04, width_m: 0.03 });
     let plate_kg = 2700.0 * 2e-3 * (0.3 * 0.2 - 0.04 * 0.03);
-    near(parts::mass_of_surface_and_parts_g(&scene), plate_kg * 1e3 + 20.0, 1e-9);
+    near(parts::mass_of_surface_masses_and_actuators_without_air_g(&scene), plate_kg * 1e3 + 20.0, 1e-9);
     let costs = PartCosts { per_kg: 4.0, ..PartCosts::default() };
     near(
-        parts::parts_and_choices_cost_or_nan_if_choice_unknown(&scene, &costs, &[], &Design { settings: Vec::new() }),
+        parts::parts_and_choices_cost_or_nan_if_priced_choice_keeps_scene_value(
+            &scene,
+            &costs,
+            &[],
+            &Design { settings: Vec::new() },
+        ),
         4.0 * plate_kg,
         1e-9,
     );
@@ -295,7 +302,7 @@ fn a_finger_is_on_the_place_that_is_looked_at() {
     assert!((looked.values[0] / plain.values[0] - 1.0).abs() > 0.03, "{looked:?} {plain:?}");
     let [x_mm, y_mm] = [113.0, 71.0];
     let contrast = [WantedFigure { at_mm: Some([x_mm, y_mm]), ..want_figure(Figure::ContrastDb) }];
-    let written = scene.with_finger_at_places(&[(x_mm * 1e-3, y_mm * 1e-3)]);
+    let written = scene.replace_finger_by_masses_and_supports_at_places(&[(x_mm * 1e-3, y_mm * 1e-3)]);
     let [under, alone] = [&scene, &written].map(|scene| of(scene, &contrast)[0]);
     assert!((under - alone).abs() < 0.02, "{under} {alone}");
     let plain = of(&untouched, &contrast)[0];

@@ -52,7 +52,7 @@ fn study(rest: &str) -> Study {
 }
 
 fn folder(place: &Path, study: &Study) -> StudyFolder {
-    StudyFolder::open_or_create(place, study.fingerprint()).unwrap()
+    StudyFolder::open_or_create_refusing_folder_of_other_study(place, study.fingerprint()).unwrap()
 }
 
 /// Stops after so many designs.
@@ -184,7 +184,7 @@ fn a_design_that_is_stopped_has_no_row() {
             let interrupted = Interrupted { designs: AtomicUsize::new(designs), stop: stop.clone() };
             let compute =
                 || compute_missing_rows_of_shard(&study, &folder(place.path(), &study), &interrupted, Shard::ALL, &());
-            let ended = with_workers(3, || stop.run_stoppable(compute));
+            let ended = with_workers(3, || stop.run_with_self_as_current_stop_request_of_thread(compute));
             assert_eq!(ended.unwrap(), RunEnd::Early, "design {designs}, {way}");
             compute_missing_rows_of_shard(&study, &folder(place.path(), &study), &evaluator(), Shard::ALL, &())
                 .unwrap();
@@ -207,7 +207,7 @@ fn a_study_beside_one_that_is_stopped_is_not_stopped() {
         let run = |stop: &StopRequest, place: &Path, own: &Interrupted| {
             let compute =
                 || compute_missing_rows_of_shard(&study, &folder(place, &study), own, Shard::ALL, &()).unwrap();
-            stop.run_stoppable(compute)
+            stop.run_with_self_as_current_stop_request_of_thread(compute)
         };
         let ends = with_workers(2, || {
             rayon::join(|| run(&stop, stopped.path(), &first), || run(&never, other.path(), &second))

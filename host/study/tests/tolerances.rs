@@ -74,7 +74,7 @@ fn a_finger_is_as_it_is() {
     let stiffness_n_per_m = omega * omega * scene.surface_mass_with_air_kg();
     scene.finger =
         Some(Finger { mass_kg: 0.2 * scene.surface_mass_with_air_kg(), damping_n_s_per_m: 2.0, stiffness_n_per_m });
-    let (touched, plan) = planned(scene.with_finger_at_places(&[at_m]), at_m);
+    let (touched, plan) = planned(scene.replace_finger_by_masses_and_supports_at_places(&[at_m]), at_m);
     let off = compute_target_peak_spread_under_tolerances(&scene, &[at_m], &plan, Tolerances::default()).unwrap();
     let as_a_part = compute_target_peak_spread_under_tolerances(&touched, &[], &plan, Tolerances::default()).unwrap();
     let (least, most) = own(&off, ToleranceKind::Springs);

@@ -174,7 +174,10 @@ fn where_no_design_keeps_the_limits_the_nearest_is_told() {
     let strict = Study::parse_texts("s.toml", &strict, "plate.toml", STARTING_PLATE).unwrap();
     let mut strictly = table(&strict);
     // Of 0.7 g there are 0.3, 0.5 and 0.4 g, and 250 g are exceeded by 150, 50 and 250 g.
-    assert_eq!(strictly.find_one_based_least_violating_design_if_none_kept().map(|(design, _)| design), Some(2));
+    assert_eq!(
+        strictly.find_one_based_design_nearest_to_limits_if_none_meets_them().map(|(design, _)| design),
+        Some(2)
+    );
     let reason = strictly.entries[1].reason.clone().unwrap();
     assert!(reason.contains("0.5000") && reason.contains("300.0000"), "{reason}");
     let base = Finalist { design: 0, text: STARTING_PLATE.into(), verified: Err("not looked at".into()) };
@@ -194,7 +197,7 @@ fn where_no_design_keeps_the_limits_the_nearest_is_told() {
     );
     // One that failed is near to nothing, and where a design keeps the limits none is needed.
     strictly.entries.retain(|entry| entry.row.figures_unless_failed().is_none());
-    assert!(strictly.find_one_based_least_violating_design_if_none_kept().is_none());
+    assert!(strictly.find_one_based_design_nearest_to_limits_if_none_meets_them().is_none());
     // Then no limit is broken, and none is told to be.
     let page = write_report_html(&strict, &strictly, &written.finals);
     assert!(
@@ -209,5 +212,5 @@ fn where_no_design_keeps_the_limits_the_nearest_is_told() {
         "{text}"
     );
     let study = study();
-    assert!(table(&study).find_one_based_least_violating_design_if_none_kept().is_none());
+    assert!(table(&study).find_one_based_design_nearest_to_limits_if_none_meets_them().is_none());
 }

@@ -17,8 +17,10 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Of one that is never late: for what is not about lateness, on a machine that may be busy.
-pub const CALM: LinkTiming =
-    LinkTiming { retry_policy: RetryPolicy::with_constant_timeout(Duration::from_secs(10)), ..REAL_TIME };
+pub const CALM: LinkTiming = LinkTiming {
+    retry_policy: RetryPolicy::with_three_tries_of_constant_timeout(Duration::from_secs(10)),
+    ..REAL_TIME
+};
 /// How long is waited for what comes at once.
 const WAIT: Duration = Duration::from_secs(30);
 
@@ -145,7 +147,9 @@ fn plate_with(timing: LinkTiming, policy: SessionPolicy) -> (App, Line) {
     let (panel, volts) = panel_of(&table);
     let line = Line::to(SimDevice::start(panel, volts).unwrap());
     let device = line.device(timing);
-    let app = App::with_policy(table, device, STARTING_PLATE.to_owned(), policy, Access::default()).unwrap();
+    let app =
+        App::start_session_with_policy_and_access(table, device, STARTING_PLATE.to_owned(), policy, Access::default())
+            .unwrap();
     (app, line)
 }
 

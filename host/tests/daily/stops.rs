@@ -76,7 +76,7 @@ fn drives() -> Vec<ChannelDrive> {
 fn drive(session: &Session) -> impl Future<Output = Result<era::device::session::DriveResult, SessionError>> + '_ {
     let content = DriveContent::Steady { drives: drives(), hold: Duration::from_secs(9), from_zero: false };
     let asked_at = AskedAt { stops: session.stop_count(), interruptions: None };
-    session.drive(DriveOrder { id: 1, asked_at, start: None, content })
+    session.begin_drive_arming_if_needed(DriveOrder { id: 1, asked_at, start: None, content })
 }
 
 /// The same, once the board drives.
@@ -125,12 +125,12 @@ fn nobody_is_told_that_it_is_safe_beside_voltage_on_the_rails() {
     for _ in 0..5 {
         let (session, _line) = driving(FOREVER);
         until(&session, |snapshot| rails_mv(snapshot) > SAFE_MV);
-        let mut stop = Box::pin(session.stop());
+        let mut stop = Box::pin(session.stop_and_disarm_board());
         // It may be answered at once.
         let is_answered = stop.as_mut().poll(&mut Context::from_waker(Waker::noop())).is_ready();
         let deadline = Instant::now() + WAIT;
         loop {
-            let known = session.current_snapshot();
+            let known = session.current_snapshot_marked_disconnected_if_thread_hung();
             let is_safe = known.state() == Some(SafetyState::Safe);
             assert!(!is_safe || rails_mv(&known) < SAFE_MV, "safe, with {} mV", rails_mv(&known));
             if is_safe {
@@ -150,7 +150,7 @@ fn a_stop_is_answered_with_what_was_seen_after_it() {
     let (session, line) = session(FOREVER);
     line.set(|ear| ear.holds_at = Some(Request::Status));
     drop(line.wait_for(|ear| ear.is_held && ear.waiting > 0));
-    let arm = given(session.arm(session.stop_count(), Instant::now()));
+    let arm = given(session.arm_on_person_request_unless_stopped_since(session.stop_count(), Instant::now()));
     line.set(|ear| (ear.is_held, ear.holds_at) = (false, Some(Request::KeepAlive)));
     let ear = line.wait_for(|ear| ear.is_held && ear.waiting > 0);
     assert!(
@@ -159,8 +159,8 @@ fn a_stop_is_answered_with_what_was_seen_after_it() {
         ear.asked
     );
     drop(ear);
-    assert_eq!(session.current_snapshot().state(), Some(SafetyState::Arming));
-    let stop = given(session.stop());
+    assert_eq!(session.current_snapshot_marked_disconnected_if_thread_hung().state(), Some(SafetyState::Arming));
+    let stop = given(session.stop_and_disarm_board());
     let since = line.mark(|ear| ear.is_held = false);
     in_time(stop).unwrap();
     let asked = line.ear().asked[since..].to_vec();
@@ -184,7 +184,7 @@ fn stops_that_come_together_are_one_frame_and_all_are_answered() {
         let (session, line) = driving(FOREVER);
         let since = line.mark(|ear| (ear.is_held, ear.is_deaf) = (true, is_lost));
         drop(line.wait_for(|ear| ear.waiting > 0));
-        let stops: Vec<_> = (0..5).map(|_| given(session.stop())).collect();
+        let stops: Vec<_> = (0..5).map(|_| given(session.stop_and_disarm_board())).collect();
         let asked = line.mark(|ear| (ear.is_held, ear.holds_at) = (false, is_lost.then_some(Request::Stop)));
         if is_lost {
             line.is_stopped_within(asked, 1);
@@ -203,9 +203,9 @@ fn stops_that_come_together_are_one_frame_and_all_are_answered() {
 fn stops_that_come_while_one_is_under_way_are_one_more_frame() {
     let (session, line) = driving(FOREVER);
     let since = line.mark(|ear| ear.holds_at = Some(Request::Stop));
-    let first = given(session.stop());
+    let first = given(session.stop_and_disarm_board());
     drop(line.wait_for(|ear| ear.is_held && ear.waiting > 0));
-    let others: Vec<_> = (0..4).map(|_| given(session.stop())).collect();
+    let others: Vec<_> = (0..4).map(|_| given(session.stop_and_disarm_board())).collect();
     line.set(|ear| ear.is_held = false);
     for stop in std::iter::once(first).chain(others) {
         in_time(stop).unwrap();
@@ -219,7 +219,7 @@ fn a_stop_is_sent_while_another_answer_is_waited_for() {
     let (session, line) = driving(FOREVER);
     line.set(|ear| ear.is_deaf = true);
     until(&session, |snapshot| snapshot.in_doubt);
-    let stop = given(session.stop());
+    let stop = given(session.stop_and_disarm_board());
     let since = line.mark(|_| {});
     line.is_stopped_within(since, 1);
     line.goes_off();
@@ -235,8 +235,8 @@ fn stale(session: &Session) -> [Answer<'_, ()>; 3] {
     let effect = DriveOrder { id: 2, asked_at, start: None, content };
     [
         given(async move { drive(session).await.map(drop) }),
-        given(async move { session.drive(effect).await.map(drop) }),
-        given(session.arm(session.stop_count(), Instant::now())),
+        given(async move { session.begin_drive_arming_if_needed(effect).await.map(drop) }),
+        given(session.arm_on_person_request_unless_stopped_since(session.stop_count(), Instant::now())),
     ]
 }
 

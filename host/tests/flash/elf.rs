@@ -21,8 +21,13 @@ pub fn flash_contents(firmware: FirmwareVersion, protocol: (u8, u8), length: usi
     for (at, word) in [(0x1000, 0x2002_0000_u32), (0x1004, IMAGE_START + 0x241)] {
         bytes[at..at + 4].copy_from_slice(&word.to_le_bytes());
     }
-    let given =
-        ImageHeader::encode_header_before_end(CHIP_STM32G474, BoardKind::Stm32G474, firmware, protocol, "test-image");
+    let given = ImageHeader::encode_header_without_end_address(
+        CHIP_STM32G474,
+        BoardKind::Stm32G474,
+        firmware,
+        protocol,
+        "test-image",
+    );
     bytes[HEADER_AT..HEADER_AT + 60].copy_from_slice(&given);
     let end = FLASH_START + bytes.len() as u32;
     bytes[HEADER_AT + 60..HEADER_AT + 64].copy_from_slice(&end.to_le_bytes());

@@ -17,7 +17,10 @@ fn table_at(scene: &Scene, accuracy: Accuracy, hz: f64) -> PlanTable {
 }
 
 fn reduced(scene: &Scene, accuracy: Accuracy, to_hz: f64) -> ReducedModel {
-    PanelModel::build(scene, accuracy, to_hz).unwrap().reduce(to_hz, &[]).unwrap()
+    PanelModel::build(scene, accuracy, to_hz)
+        .unwrap()
+        .reduce_with_residual_shapes_of_actuators_and_points(to_hz, &[])
+        .unwrap()
 }
 
 /// Mean square, mean and bound of the largest square of each actuator at the first frequency.

@@ -1,7 +1,7 @@
 //! Effects as designed against effects as played: the same frames that a board gets, on a panel in time.
 
 use crate::support;
-use era::device::convert::{drive_to_wire, windows_to_wire};
+use era::device::convert::{drive_to_wire, windows_to_wire_sequence_dropping_excess};
 use era::device::sim::{LargestTravel, STEP_S, low_pass_response};
 use era::effects::design::EffectPrediction;
 use era::effects::{
@@ -59,7 +59,8 @@ fn play_effects(bench: &mut Bench, design: &EffectDesign, effects: &[Effect], st
 fn record_felt_motion_of_windows(bench: &mut Bench, design: &EffectDesign) -> Vec<f64> {
     arm_device(bench, 300_000);
     let start_us = 600_000;
-    let windows = Request::PlayWindows(WindowSequence { start_us, ..windows_to_wire(&design.windows) });
+    let windows =
+        Request::PlayWindows(WindowSequence { start_us, ..windows_to_wire_sequence_dropping_excess(&design.windows) });
     assert_eq!(bench.send_request(&windows).unwrap(), Reply::WindowsPlaying { start_us });
     bench.run_until_us(start_us).unwrap();
     bench.accelerometer_mut().start_record();
@@ -366,7 +367,7 @@ fn play_effects_in_quick_succession(bench: &mut Bench, table: &PlanTable, design
         let headroom = |design: &EffectDesign| {
             residual.max_force_fraction_that_fits_without_wait(&predict(design), None, now_s, RailState::Up)
         };
-        let weaken = |part: f64| Ok::<_, ()>(design.weaken(part));
+        let weaken = |part: f64| Ok::<_, ()>(design.scale_copy_to_force_fraction(part));
         let (part, fitting) = find_fraction_and_plan_within_headroom((*design).clone(), weaken, headroom).unwrap();
         if part > 0.0 {
             let start_us = start_effect_soon(bench, &fitting, number, name);
@@ -391,7 +392,8 @@ fn play_effects_in_quick_succession(bench: &mut Bench, table: &PlanTable, design
 /// Starts an effect of either kind as soon as the board can; when that is, in us.
 fn start_effect_soon(bench: &mut Bench, design: &EffectDesign, number: u32, name: &str) -> u64 {
     if !design.windows.is_empty() {
-        let windows = WindowSequence { number, start_us: 0, ..windows_to_wire(&design.windows) };
+        let windows =
+            WindowSequence { number, start_us: 0, ..windows_to_wire_sequence_dropping_excess(&design.windows) };
         let reply = bench.send_request(&Request::PlayWindows(windows));
         let Ok(Reply::WindowsPlaying { start_us }) = reply else { panic!("{name}, effect {number}: {reply:?}") };
         return start_us;
@@ -414,7 +416,7 @@ fn the_travel_of_an_effect_with_a_bias_is_that_of_the_device() {
     let scene = Scene::parse("bias", &(random_scene_text(31, 245) + FINGER)).unwrap();
     assert!(scene.actuators.iter().any(|actuator| actuator.softening_n_per_m() > 0.0), "{scene:?}");
     let (x_m, y_m) = (0.4 * scene.surface.length_m, 0.3 * scene.surface.width_m);
-    let scene = scene.with_finger_at_places(&[(x_m, y_m)]);
+    let scene = scene.replace_finger_by_masses_and_supports_at_places(&[(x_m, y_m)]);
     let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
     let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
     let table = PlanTable::from_levels(&scene, levels, options).unwrap();
@@ -459,7 +461,8 @@ fn the_travel_of_random_effects_stays_within_a_third_of_the_gap() {
             (at(0.754_877_666) * scene.surface.length_m, at(0.569_840_291) * scene.surface.width_m)
         };
         let touched: Vec<(f64, f64)> = (0..=number / 2 % 3).map(|finger| place(6 * number + finger)).collect();
-        let scene = if with_fingers { scene.with_finger_at_places(&touched) } else { scene.clone() };
+        let scene =
+            if with_fingers { scene.replace_finger_by_masses_and_supports_at_places(&touched) } else { scene.clone() };
         let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
         let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
         let table = PlanTable::from_levels(&scene, levels, options).unwrap();

@@ -182,7 +182,12 @@ fn the_board_takes_a_plan_at_the_supplys_limit() {
     let scene = Scene::parse("four", &text).unwrap();
     let options = TableOptions { from_hz: 320.0, to_hz: 400.0, step_hz: 2.0 };
     let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap();
-    let table = PlanTable::build(&scene, model.reduce(400.0, &[]).unwrap(), options).unwrap();
+    let table = PlanTable::build(
+        &scene,
+        model.reduce_with_residual_shapes_of_actuators_and_points(400.0, &[]).unwrap(),
+        options,
+    )
+    .unwrap();
     let plan = table.plan(&[Target { intensity_g: Some(1e3), ..TARGET }]).unwrap();
     assert!(plan.limited_by.as_deref().is_some_and(|limits| limits.contains("supply")), "{plan:?}");
     let board = |scale: f64| {

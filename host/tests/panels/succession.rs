@@ -150,7 +150,7 @@ fn ordinary_touches_are_neither_late_nor_weaker() {
             let motion = table.predict_travel_and_free_motion_of_plan_if_poles_known(&plan).unwrap();
             took.push(begun.elapsed().as_secs_f64() * 1e6);
             let drives = Some(plan.drives.as_slice());
-            let room = residual.find_headroom(&motion, drives, now_s, board);
+            let room = residual.find_wait_and_force_fraction_within_travel_limits(&motion, drives, now_s, board);
             assert_eq!(room, StartHeadroom::ALL, "touch {i} of {intensity_g} g");
             let is_tap = i >= 200;
             residual.record_drives_that_begin_in_place_of_others(
@@ -180,7 +180,7 @@ fn ordinary_touches_are_neither_late_nor_weaker() {
             )
             .unwrap();
             let motion = design.predict_travel_and_free_motion_of_effect_if_poles_known(&table).unwrap();
-            let room = residual.find_headroom(&motion, None, now_s, RailState::Up);
+            let room = residual.find_wait_and_force_fraction_within_travel_limits(&motion, None, now_s, RailState::Up);
             assert_eq!(room, StartHeadroom::ALL, "click {i} of {intensity_g} g");
             residual.record_drives_that_begin_in_place_of_others(
                 1000 + u64::from(i),

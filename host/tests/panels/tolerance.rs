@@ -4,7 +4,9 @@ use crate::support;
 use era::model::levels::ReducedLevels;
 use era::model::{Accuracy, compute_modes_with_error_bounds};
 use era::planner::{PlanTable, TableOptions, Target};
-use era::response::{compute_acceleration_curves_per_newton_with_error_bounds, sweep_with_error_bounds};
+use era::response::{
+    compute_acceleration_curves_per_newton_with_error_bounds, compute_acceleration_sweep_per_newton_with_error_bounds,
+};
 use era::scene::{STARTING_PLATE, Scene};
 use era::verify::spread_points;
 use proptest::prelude::*;
@@ -151,7 +153,10 @@ fn bounds_of_sweeps_hold_between_the_points_compared() {
         .damping("loss_factor", 0.01)
         .scene();
     for scene in [Scene::parse("plate", STARTING_PLATE).unwrap(), lopsided] {
-        let at = |accuracy| sweep_with_error_bounds::<f64>(&scene, accuracy, (&x_m, &y_m), &frequencies).unwrap();
+        let at = |accuracy| {
+            compute_acceleration_sweep_per_newton_with_error_bounds::<f64>(&scene, accuracy, (&x_m, &y_m), &frequencies)
+                .unwrap()
+        };
         let (found, exact) = (at(Accuracy::BALANCED), at(Accuracy::from_tolerance(1e-5).unwrap()));
         for actuator in 0..found.answer.actuators {
             let (bound, own) =

@@ -19,7 +19,11 @@ impl Board {
     /// A question sent at `sent_s` that takes `there_s` to the board, whose answer takes `back_s`.
     fn ask(&self, clock: &mut ClockSync, sent_s: f64, there_s: f64, back_s: f64) {
         let at = |s: f64| self.zero + Duration::from_secs_f64(s);
-        clock.add_sample(at(sent_s), at(sent_s + there_s + back_s), self.us_at(sent_s + there_s) as u64);
+        clock.add_sample_forgetting_earlier_if_board_clock_went_back(
+            at(sent_s),
+            at(sent_s + there_s + back_s),
+            self.us_at(sent_s + there_s) as u64,
+        );
     }
 
     /// How far the estimate is off at `host_s`, in s.
@@ -162,7 +166,7 @@ fn nothing_is_known_before_it_is_asked() {
     let zero = Instant::now();
     let mut clock = ClockSync::new(zero);
     assert_eq!((clock.board_time_us_at(zero), clock.quality_if_two_samples()), (None, None));
-    clock.add_sample(zero, zero, 77);
+    clock.add_sample_forgetting_earlier_if_board_clock_went_back(zero, zero, 77);
     assert_eq!((clock.board_time_us_at(zero), clock.quality_if_two_samples()), (Some(77), None));
     clock.forget_samples();
     assert_eq!(clock.board_time_us_at(zero), None);

@@ -122,11 +122,11 @@ fn an_old_order_is_refused_after_a_stop() {
             },
         };
         let before = session.stop_count();
-        session.drive(order(before)).await.unwrap();
-        session.stop().await.unwrap();
-        let refused = session.drive(order(before)).await.unwrap_err();
+        session.begin_drive_arming_if_needed(order(before)).await.unwrap();
+        session.stop_and_disarm_board().await.unwrap();
+        let refused = session.begin_drive_arming_if_needed(order(before)).await.unwrap_err();
         assert!(matches!(refused, era::device::SessionError::Stopped), "{refused}");
-        session.drive(order(session.stop_count())).await.unwrap();
+        session.begin_drive_arming_if_needed(order(session.stop_count())).await.unwrap();
     });
 }
 

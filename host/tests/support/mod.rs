@@ -34,7 +34,10 @@ pub struct Daemon {
 pub fn table(text: &str) -> PlanTable {
     let scene = Scene::parse("test scene", text).unwrap();
     let options = TableOptions::default();
-    let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz).unwrap().reduce(options.to_hz, &[]).unwrap();
+    let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz)
+        .unwrap()
+        .reduce_with_residual_shapes_of_actuators_and_points(options.to_hz, &[])
+        .unwrap();
     PlanTable::build(&scene, model, options).unwrap()
 }
 
@@ -92,7 +95,17 @@ impl Daemon {
         let table = served_table(scene);
         let device = OpenDevice::open(&Target::Sim, || panel_of(&table)).unwrap();
         let sim = device.sim_control_if_simulated().unwrap();
-        (App::with_policy(table, device, scene.to_owned(), SessionPolicy::default(), access).unwrap(), sim)
+        (
+            App::start_session_with_policy_and_access(
+                table,
+                device,
+                scene.to_owned(),
+                SessionPolicy::default(),
+                access,
+            )
+            .unwrap(),
+            sim,
+        )
     }
 
     /// The same behind tokens, once its device answers.
@@ -122,7 +135,7 @@ impl Daemon {
         policy: SessionPolicy,
         access: Access,
     ) -> Self {
-        let app = App::with_policy(table, device, scene.to_owned(), policy, access).unwrap();
+        let app = App::start_session_with_policy_and_access(table, device, scene.to_owned(), policy, access).unwrap();
         let background = BackgroundDaemon::start(app).unwrap();
         Self { url: format!("http://{}", background.address()), sim, background: Some(background) }
     }

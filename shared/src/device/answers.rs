@@ -12,7 +12,9 @@ use crate::protocol::{
     TelemetryReply, WelcomeReply,
 };
 use crate::safety::{DriveBudget, LinkId, SafetyEvent};
-use crate::supply::{SensorReadings, charged_rail_fault_detail, mean_current_of_drives_and_bleeders_microamps};
+use crate::supply::{
+    SensorReadings, encode_first_charged_rail_as_fault_detail_if_any, mean_current_of_drives_and_bleeders_microamps,
+};
 use crate::waveform::{ChannelGoal, DriveError, Effect, compute_channel_program};
 use heapless::Vec;
 
@@ -24,7 +26,7 @@ const EARLIEST_US: u64 = 10_000_000;
 const BURST_MIN_MS: u16 = 1;
 
 impl Device {
-    pub(super) fn answer_request(
+    pub(super) fn do_due_work_and_answer_request(
         &mut self,
         board: &mut impl Board,
         link: LinkId,
@@ -65,17 +67,17 @@ impl Device {
             Request::Disarm => {
                 self.handle_safety_event(board, SafetyEvent::Disarm, &Goals::default()).map(|()| Reply::Disarmed)
             }
-            Request::SetDrives { drives } => {
-                self.set_drives(board, link, drives, true).map(|achieved| Reply::DrivesSet { achieved })
-            }
-            Request::Prepare { drives } => {
-                self.set_drives(board, link, drives, false).map(|achieved| Reply::Prepared { achieved })
-            }
+            Request::SetDrives { drives } => self
+                .replace_drives_of_all_channels(board, link, drives, true)
+                .map(|achieved| Reply::DrivesSet { achieved }),
+            Request::Prepare { drives } => self
+                .replace_drives_of_all_channels(board, link, drives, false)
+                .map(|achieved| Reply::Prepared { achieved }),
             Request::Play { channel, start_us, effect } => {
                 self.queue_effect(board, link, *channel, *start_us, effect, now_us)
             }
             Request::PlayOnce { number, channel, start_us, effect } => {
-                if self.find_remembered_play_with_sequence_start_us(link, *number) == Some(None) {
+                if self.look_up_played_number_with_start_us_if_window_sequence(link, *number) == Some(None) {
                     return Ok(Reply::Playing);
                 }
                 let reply = self.queue_effect(board, link, *channel, *start_us, effect, now_us)?;
@@ -83,20 +85,23 @@ impl Device {
                 Ok(reply)
             }
             Request::PlayWindows(sequence) => {
-                if let Some(Some(start_us)) = self.find_remembered_play_with_sequence_start_us(link, sequence.number) {
+                if let Some(Some(start_us)) =
+                    self.look_up_played_number_with_start_us_if_window_sequence(link, sequence.number)
+                {
                     return Ok(Reply::WindowsPlaying { start_us });
                 }
-                let start_us = self.play_windows(board, link, sequence, now_us)?;
+                let start_us = self.play_window_sequence_and_get_start_us(board, link, sequence, now_us)?;
                 self.remember_played(link, sequence.number, Some(start_us));
                 Ok(Reply::WindowsPlaying { start_us })
             }
-            Request::NumberedFault => {
-                Ok(Reply::NumberedFault { number: self.safety.fault_number(), latched: self.safety.fault() })
-            }
+            Request::NumberedFault => Ok(Reply::NumberedFault {
+                number: self.safety.sequence_number_of_last_latched_fault(),
+                latched: self.safety.fault(),
+            }),
             Request::ClearFault { number }
-                if self.safety.fault().is_some() && *number != self.safety.fault_number() =>
+                if self.safety.fault().is_some() && *number != self.safety.sequence_number_of_last_latched_fault() =>
             {
-                Err(Refusal::OtherFault { number: self.safety.fault_number() })
+                Err(Refusal::OtherFault { number: self.safety.sequence_number_of_last_latched_fault() })
             }
             Request::ClearFault { .. } => self.clear_fault(board),
             Request::Stop => {
@@ -120,7 +125,7 @@ impl Device {
                 // In its bootloader the chip no longer holds what keeps the rails low, nor measures them.
                 let readings = self.read_sensors_and_latch_trip(board)?;
                 if self.state().is_live()
-                    || charged_rail_fault_detail(&readings).is_some()
+                    || encode_first_charged_rail_as_fault_detail_if_any(&readings).is_some()
                     || self.is_rail_measurement_distrusted(now_us)
                 {
                     return Err(Refusal::Live(self.state()));
@@ -163,7 +168,7 @@ impl Device {
         Ok((deadman_ms, burst_ms))
     }
 
-    fn set_drives(
+    fn replace_drives_of_all_channels(
         &mut self,
         board: &mut impl Board,
         link: LinkId,
@@ -251,14 +256,14 @@ impl Device {
         if !sequencer.queue_effect_if_goal_and_room(index, start_us, effect) {
             return Err(Refusal::QueueFull { channel });
         }
-        self.write_due_preloads(board).map_err(|(code, detail)| {
-            self.raise_fault(board, code, detail, now_us);
+        self.write_due_preloads_and_check_no_window_was_missed(board).map_err(|(code, detail)| {
+            self.switch_all_off_and_latch_fault(board, code, detail, now_us);
             self.safety.fault().map_or(Refusal::Malformed, Refusal::Fault)
         })?;
         Ok(Reply::Playing)
     }
 
-    fn find_remembered_play_with_sequence_start_us(&self, link: LinkId, number: u32) -> Option<Option<u64>> {
+    fn look_up_played_number_with_start_us_if_window_sequence(&self, link: LinkId, number: u32) -> Option<Option<u64>> {
         let mut newest_first = self.played.iter().rev();
         newest_first.find(|(by, played, _)| (*by, *played) == (link, number)).map(|(_, _, start_us)| *start_us)
     }
@@ -276,7 +281,7 @@ impl Device {
         let readings = board.read_sensors_and_take_trip();
         if let Some((code, detail)) = readings.trip {
             let now_us = board.now_us();
-            self.raise_fault(board, code, detail, now_us);
+            self.switch_all_off_and_latch_fault(board, code, detail, now_us);
             return Err(Refusal::StillThere(code));
         }
         Ok(readings)
@@ -292,20 +297,22 @@ impl Device {
                 FaultCode::InterlockOpen => !readings.interlock_closed,
                 FaultCode::EmergencyStop => !readings.stop_released,
                 FaultCode::EarthOpen => !readings.earth_bonded,
-                FaultCode::Reference => self.reference.check_reference(board.now_us(), &readings).is_some(),
+                FaultCode::Reference => {
+                    self.reference.update_and_find_lasting_reference_fault(board.now_us(), &readings).is_some()
+                }
                 FaultCode::OverCurrent
                 | FaultCode::OverVoltage
                 | FaultCode::RailImplausible
                 | FaultCode::RailCollapsed
                 | FaultCode::DischargeFailed
                 | FaultCode::DischargeSlow
-                | FaultCode::ShortCircuit => charged_rail_fault_detail(&readings).is_some(),
+                | FaultCode::ShortCircuit => encode_first_charged_rail_as_fault_detail_if_any(&readings).is_some(),
                 _ => false,
             };
             if still_there {
                 return Err(Refusal::StillThere(fault.code));
             }
-            if self.still_charged && charged_rail_fault_detail(&readings).is_some() {
+            if self.still_charged && encode_first_charged_rail_as_fault_detail_if_any(&readings).is_some() {
                 return Err(Refusal::StillThere(FaultCode::DischargeFailed));
             }
         }
@@ -338,7 +345,7 @@ impl Device {
         TelemetryReply {
             uptime_us,
             state: self.state(),
-            acceleration_peak_mm_per_s2: board.take_peak_acceleration_mm_per_s2(),
+            acceleration_peak_mm_per_s2: board.take_peak_acceleration_mm_per_s2_if_sensor_exists(),
             rail_millivolts: self.active.iter().take(board.info().channels.len()).map(millivolts).collect(),
         }
     }
@@ -346,7 +353,7 @@ impl Device {
     fn build_credit_reply(&self, channel_count: usize) -> CreditReply {
         let credit = |channel| ChannelCredit {
             left_ms: self.budget.remaining_credit_ms(channel),
-            charge_ppm: self.budget.last_charge(channel).as_ppm(),
+            charge_ppm: self.budget.last_credit_charge_rate(channel).as_ppm(),
         };
         CreditReply {
             rule: ChargeRule::ForceSquared,
@@ -360,7 +367,7 @@ impl Device {
         if let Some((code, detail)) = readings.trip {
             // What tripped is told once; it must not be lost to a question.
             let now_us = board.now_us();
-            self.raise_fault(board, code, detail, now_us);
+            self.switch_all_off_and_latch_fault(board, code, detail, now_us);
         }
         DetailsReply {
             state: self.state(),

@@ -11,7 +11,8 @@ use crate::safety::{
     electrode_fault_detail, judge_electrode_pulses,
 };
 use crate::supply::{
-    FaultFinding, RAILS, SensorReadings, SupplyCommand, charged_rail_fault_detail, rail_index_of_channel,
+    FaultFinding, RAILS, SensorReadings, SupplyCommand, encode_first_charged_rail_as_fault_detail_if_any,
+    rail_index_of_channel,
 };
 use crate::waveform::{FULL_STRENGTH, Sequencer};
 
@@ -31,19 +32,19 @@ impl Device {
         let now_us = board.now_us();
         if let Some(silence_us) = self.safety.host_silence_us_if_over_deadman(now_us) {
             let silence_ms = u32::try_from(silence_us / 1000).unwrap_or(u32::MAX);
-            self.raise_fault(board, FaultCode::HostSilent, silence_ms, now_us);
+            self.switch_all_off_and_latch_fault(board, FaultCode::HostSilent, silence_ms, now_us);
         }
         // No tick is ever planned further ahead than one: a time that is has changed by itself, and waiting for it would be the end of all checks.
         if now_us >= self.next_tick_us || self.next_tick_us - now_us > TICK_US {
             // Not a fixed grid: after a pause there is nothing to catch up with.
             self.next_tick_us = now_us + TICK_US;
             if let Err((code, detail)) = self.run_millisecond_checks(board, now_us) {
-                self.raise_fault(board, code, detail, now_us);
+                self.switch_all_off_and_latch_fault(board, code, detail, now_us);
             }
             self.tick_done = true;
         }
-        if let Err((code, detail)) = self.write_due_preloads(board) {
-            self.raise_fault(board, code, detail, now_us);
+        if let Err((code, detail)) = self.write_due_preloads_and_check_no_window_was_missed(board) {
+            self.switch_all_off_and_latch_fault(board, code, detail, now_us);
         }
         let due_us = self.sequencer.as_ref().and_then(Sequencer::next_extra_poll_us_if_needed).unwrap_or(u64::MAX);
         due_us.min(self.next_tick_us)
@@ -60,24 +61,25 @@ impl Device {
         {
             return Err(finding);
         }
-        if let Some(finding) = self.reference.check_reference(now_us, &readings)
+        if let Some(finding) = self.reference.update_and_find_lasting_reference_fault(now_us, &readings)
             && self.state() != SafetyState::Fault
         {
             return Err(finding);
         }
         // In every state: who is off earns and rests.
-        let charges = self.compute_credit_charges(&board.info().channels, &readings.rail_millivolts);
+        let charges =
+            self.compute_credit_charge_rates_of_driving_channels(&board.info().channels, &readings.rail_millivolts);
         let must_stop = self.budget.account_and_find_channels_to_stop(now_us, charges);
-        self.keep_for_next_start(board, self.state().is_live());
+        self.store_run_record_for_next_boot(board, self.state().is_live());
         match self.state() {
             SafetyState::Boot => Ok(()),
-            SafetyState::Safe => match charged_rail_fault_detail(&readings) {
+            SafetyState::Safe => match encode_first_charged_rail_as_fault_detail_if_any(&readings) {
                 Some(rail) => Err((FaultCode::RailImplausible, rail)),
                 None => Ok(()),
             },
             SafetyState::Discharging | SafetyState::Fault => {
                 self.check_discharge_is_in_time_and_distrust_if_too_fast(now_us, &readings)?;
-                let is_discharged = charged_rail_fault_detail(&readings).is_none();
+                let is_discharged = encode_first_charged_rail_as_fault_detail_if_any(&readings).is_none();
                 if self.state() == SafetyState::Discharging
                     && is_discharged
                     && !self.is_rail_measurement_distrusted(now_us)
@@ -117,7 +119,7 @@ impl Device {
                 self.distrusted = true;
             }
         }
-        let Some(rail) = charged_rail_fault_detail(readings) else { return Ok(()) };
+        let Some(rail) = encode_first_charged_rail_as_fault_detail_if_any(readings) else { return Ok(()) };
         // Each is counted once, also where another fault came first.
         if !self.discharges_slowly && elapsed_us > u64::from(SWITCHED_DISCHARGE_MS) * 1000 {
             self.discharges_slowly = true;
@@ -195,14 +197,15 @@ impl Device {
     /// What the channels in use are charged. The wider of a timer's present and next windows counts, and the higher of a rail's measured voltage and
     /// its set-point: a drive is charged for what it does, not for what was asked for. An effect is charged by its present level, a rail that rises or
     /// falls by its present voltage, and a drive that was replaced as before until its last boundary.
-    pub(super) fn compute_credit_charges(
+    pub(super) fn compute_credit_charge_rates_of_driving_channels(
         &self,
         limits: &[ChannelLimits],
         measured_millivolts: &[u32; RAILS],
     ) -> [Option<CreditCharge>; MAX_CHANNELS] {
         let sequencer = self.sequencer.as_ref();
         core::array::from_fn(|channel| {
-            let period = sequencer.and_then(|sequencer| sequencer.stronger_of_active_and_preloaded_period(channel))?;
+            let period = sequencer
+                .and_then(|sequencer| sequencer.stronger_of_active_and_preloaded_period_if_any_driving(channel))?;
             let rail = rail_index_of_channel(channel);
             let number = |values: &[u32; RAILS]| values.get(rail).copied().unwrap_or(u32::MAX);
             let millivolts = number(measured_millivolts).max(number(&self.supply.set_point_millivolts));
@@ -223,7 +226,7 @@ impl Device {
                 return Err((FaultCode::DriveFailed, u32::try_from(channel).unwrap_or(0)));
             }
             if must_stop {
-                sequencer.end_drive(channel);
+                sequencer.end_drive_at_next_boundary(channel);
                 *active = None;
             }
         }
@@ -237,14 +240,15 @@ impl Device {
         now_us: u64,
         readings: &SensorReadings,
     ) -> Result<(), FaultFinding> {
-        if let Some(finding) = self.watch.check_readings(now_us, readings, &self.supply) {
+        if let Some(finding) = self.watch.update_and_find_first_fault_in_readings(now_us, readings, &self.supply) {
             return Err(finding);
         }
         board.check_timers_still_count_and_hold_settings()?;
         self.check_no_absent_era_is_driven(readings)?;
-        let charges = self.sequencer.as_mut().map(Sequencer::take_electrode_charges).unwrap_or_default();
+        let charges = self.sequencer.as_mut().map(Sequencer::take_electrode_charge_counts).unwrap_or_default();
         // A rail that is not where it was set explains a wrong current: it is a fault of its own soon, and no electrode is to be blamed.
-        if let Some(finding) = self.current.check_current(now_us, readings, &self.supply, &charges)
+        if let Some(finding) =
+            self.current.update_and_find_electrode_current_fault(now_us, readings, &self.supply, &charges)
             && !self.watch.is_any_rail_in_doubt()
         {
             return Err(finding);
@@ -252,7 +256,11 @@ impl Device {
         let supply = self.rails.advance_set_points(now_us, readings);
         self.command_supply(board, supply);
         let Some(sequencer) = &mut self.sequencer else { return Err((FaultCode::ArmFailed, 0)) };
-        set_strengths_for_higher_rail_voltage(sequencer, self.rails.target_millivolts(), self.measured_millivolts);
+        set_force_fractions_to_compensate_too_high_rail_voltage(
+            sequencer,
+            self.rails.target_millivolts(),
+            self.measured_millivolts,
+        );
         let wanted = (0..MAX_CHANNELS)
             .any(|channel| sequencer.goal(channel).is_some() || sequencer.has_unfinished_window_sequence(channel));
         if self.state() == SafetyState::Running && !wanted {
@@ -281,11 +289,14 @@ impl Device {
     }
 
     /// Writes the preloads that are due to the timers.
-    pub(super) fn write_due_preloads(&mut self, board: &mut impl Board) -> Result<(), FaultFinding> {
+    pub(super) fn write_due_preloads_and_check_no_window_was_missed(
+        &mut self,
+        board: &mut impl Board,
+    ) -> Result<(), FaultFinding> {
         let Some(sequencer) = &mut self.sequencer else { return Ok(()) };
         for channel in 0..MAX_CHANNELS {
             // Read anew for each: working out the one before took its time, and the margin before a boundary is short.
-            if let Some(preload) = sequencer.take_due_preload(channel, board.now_us()) {
+            if let Some(preload) = sequencer.advance_and_prepare_next_preload_if_changed(channel, board.now_us()) {
                 board
                     .write_preload_and_check_read_back(&preload)
                     .map_err(|code| (code, u32::try_from(channel).unwrap_or(0)))?;
@@ -308,7 +319,7 @@ impl Device {
         let action = self.safety.apply_event(event).map_err(|state| Refusal::State { state, event })?;
         let now_us = board.now_us();
         self.carry_out_action(board, action, goals, now_us).map_err(|(code, detail)| {
-            self.raise_fault(board, code, detail, now_us);
+            self.switch_all_off_and_latch_fault(board, code, detail, now_us);
             self.safety.fault().map_or(Refusal::Malformed, Refusal::Fault)
         })
     }
@@ -356,12 +367,12 @@ impl Device {
         let sequencer = self.sequencer.as_mut().ok_or((FaultCode::DriveFailed, 0))?;
         sequencer.set_or_end_drives_from_next_boundary(goals, now_us);
         // From the first period on, which may begin before the next look: a rail that was higher is let down in some ms.
-        set_strengths_for_higher_rail_voltage(sequencer, aims, self.measured_millivolts);
+        set_force_fractions_to_compensate_too_high_rail_voltage(sequencer, aims, self.measured_millivolts);
         if goals.iter().any(Option::is_some) {
             self.connect_timers_to_electrodes_if_not_yet(board)?;
         }
         self.record_active_drives(goals);
-        self.write_due_preloads(board)
+        self.write_due_preloads_and_check_no_window_was_missed(board)
     }
 
     /// The rails' targets for these goals: the highest voltage that a rail feeds. A rail that feeds nobody stays charged, so that the next
@@ -395,7 +406,7 @@ impl Device {
 
 /// Sets the strengths of all drives for rails with these targets and measured voltages. Where a rail is still above its target, the
 /// measured voltage counts.
-fn set_strengths_for_higher_rail_voltage(
+fn set_force_fractions_to_compensate_too_high_rail_voltage(
     sequencer: &mut Sequencer,
     target_millivolts: [u32; RAILS],
     measured_millivolts: [u32; RAILS],

@@ -144,7 +144,7 @@ impl Device {
         }
         self.switch_all_off(board, now_us);
         if let Some((code, detail)) = board.info().fault_before_reset {
-            self.raise_fault(board, code, detail, 0);
+            self.switch_all_off_and_latch_fault(board, code, detail, 0);
         }
     }
 
@@ -171,7 +171,7 @@ impl Device {
         let id = port.id;
         port.decoder.feed_bytes(bytes, |result| {
             let mut out = [0_u8; MAX_ENCODED];
-            if let Some(length) = self.handle_decoded_frame(board, id, result, &mut out)
+            if let Some(length) = self.count_decoded_frame_and_answer_if_valid(board, id, result, &mut out)
                 && let Some(answer) = out.get(..length)
             {
                 send_answer(answer);
@@ -180,7 +180,7 @@ impl Device {
     }
 
     /// Carries out what a link reports; answers go out as in [`Self::receive_bytes`].
-    pub fn handle_link_arrival(
+    pub fn handle_received_bytes_or_link_reopening(
         &mut self,
         board: &mut impl Board,
         port: &mut LinkReceiver,
@@ -189,13 +189,13 @@ impl Device {
     ) {
         match arrival {
             LinkArrival::Bytes(bytes) => self.receive_bytes(board, port, bytes, send_answer),
-            LinkArrival::Reopened => self.reopen_link_switching_off_if_armed(board, port),
+            LinkArrival::Reopened => self.reset_reopened_link_and_stop_if_it_had_armed(board, port),
         }
     }
 
     /// Takes note that the other end of a link is new: what came before does not belong to what comes now. If this link has armed the
     /// board, whoever did so is gone, and everything is switched off.
-    fn reopen_link_switching_off_if_armed(&mut self, board: &mut impl Board, port: &mut LinkReceiver) {
+    fn reset_reopened_link_and_stop_if_it_had_armed(&mut self, board: &mut impl Board, port: &mut LinkReceiver) {
         port.decoder.discard_partial_frame();
         if self.safety.close_session_of(port.id) {
             // Accepted in every state.
@@ -204,7 +204,13 @@ impl Device {
     }
 
     /// Switches everything off and latches a fault that the board itself has found.
-    pub fn raise_fault(&mut self, board: &mut impl Board, code: FaultCode, detail: u32, now_us: u64) {
+    pub fn switch_all_off_and_latch_fault(
+        &mut self,
+        board: &mut impl Board,
+        code: FaultCode,
+        detail: u32,
+        now_us: u64,
+    ) {
         // Off before anything is noted down.
         self.switch_all_off(board, now_us);
         self.distrusted |= code.casts_doubt_on_rail_measurement();
@@ -231,9 +237,9 @@ impl Device {
             (Reply::Refused(Refusal::Malformed), frame.version)
         } else {
             let reply = match postcard::from_bytes::<Request>(frame.body) {
-                Ok(request) if request.introduced_in_version() <= frame.version => {
-                    self.answer_request(board, link, &request, frame.version).unwrap_or_else(Reply::Refused)
-                }
+                Ok(request) if request.introduced_in_version() <= frame.version => self
+                    .do_due_work_and_answer_request(board, link, &request, frame.version)
+                    .unwrap_or_else(Reply::Refused),
                 _ => Reply::Refused(Refusal::Malformed),
             };
             (translate_for_version(reply, frame.version), frame.version)
@@ -244,7 +250,7 @@ impl Device {
         encode_frame(version, FrameKind::Reply, frame.sequence, &reply, out).ok()
     }
 
-    fn handle_decoded_frame(
+    fn count_decoded_frame_and_answer_if_valid(
         &mut self,
         board: &mut impl Board,
         link: LinkId,
@@ -290,11 +296,11 @@ impl Device {
         self.active = [None; MAX_CHANNELS];
         // Whoever repeats a request now is told that nothing is live.
         self.played.clear();
-        self.keep_for_next_start(board, false);
+        self.store_run_record_for_next_boot(board, false);
     }
 
-    fn keep_for_next_start(&self, board: &mut impl Board, is_live: bool) {
-        board.keep_for_next_start(KeptRun {
+    fn store_run_record_for_next_boot(&self, board: &mut impl Board, is_live: bool) {
+        board.store_run_record_for_next_boot(KeptRun {
             is_live,
             is_measurement_distrusted: self.distrusted,
             credit_ms: core::array::from_fn(|channel| self.budget.remaining_credit_ms(channel)),

@@ -3,7 +3,7 @@
 use super::{Device, Goals};
 use crate::MAX_CHANNELS;
 use crate::board::Board;
-use crate::circuit::{ELECTRODE_PICOFARADS, SUPPLY_LAG_MS, add_percent, both_bleeders_microamps};
+use crate::circuit::{ELECTRODE_PICOFARADS, SUPPLY_LAG_MS, add_percent, both_bleeders_of_one_rail_microamps};
 use crate::limits::{
     MAX_AVERAGE_MICROAMPS, RAIL_SLOPE_MILLIVOLTS_PER_MS, SEQUENCE_CURRENT_SPAN_MS, SWITCHED_DISCHARGE_MS,
 };
@@ -27,7 +27,7 @@ const RAIL_EXCESS_PERCENT: u32 = 5;
 
 impl Device {
     /// Checks a sequence of windows and has it played; returns when it begins, in us of the board's time.
-    pub(super) fn play_windows(
+    pub(super) fn play_window_sequence_and_get_start_us(
         &mut self,
         board: &mut impl Board,
         link: LinkId,
@@ -66,9 +66,9 @@ impl Device {
             return Err(Refusal::Sequence(SequenceError::TooLong { requested_ms, max_ms }));
         }
         let rails = self.rail_targets_keeping_unused_rails(&sequence.rail_millivolts, used);
-        let bleeders_microamps: u32 = rails.into_iter().map(both_bleeders_microamps).sum();
-        let requested_microamps =
-            highest_average_current_microamps(sequence, ticks_per_ms).saturating_add(bleeders_microamps);
+        let bleeders_microamps: u32 = rails.into_iter().map(both_bleeders_of_one_rail_microamps).sum();
+        let requested_microamps = highest_moving_average_of_sequence_current_microamps(sequence, ticks_per_ms)
+            .saturating_add(bleeders_microamps);
         if requested_microamps > MAX_AVERAGE_MICROAMPS {
             return Err(Refusal::Current { requested_microamps, max_microamps: MAX_AVERAGE_MICROAMPS });
         }
@@ -87,12 +87,12 @@ impl Device {
         let sequencer = self.sequencer.as_mut().ok_or(Refusal::State { state, event: SafetyEvent::Drive })?;
         sequencer.play_windows_ending_all_drives(&placed, now_us);
         let start_us = sequencer.board_time_of_clock_us(start);
-        self.connect_timers_to_electrodes_if_not_yet(board).and_then(|()| self.write_due_preloads(board)).map_err(
-            |(code, detail)| {
-                self.raise_fault(board, code, detail, now_us);
+        self.connect_timers_to_electrodes_if_not_yet(board)
+            .and_then(|()| self.write_due_preloads_and_check_no_window_was_missed(board))
+            .map_err(|(code, detail)| {
+                self.switch_all_off_and_latch_fault(board, code, detail, now_us);
                 self.safety.fault().map_or(Refusal::Malformed, Refusal::Fault)
-            },
-        )?;
+            })?;
         Ok(start_us)
     }
 
@@ -112,13 +112,13 @@ impl Device {
         for (present, measured) in present_millivolts.iter_mut().zip(self.measured_millivolts) {
             *present = measured.max(*present);
         }
-        let present_charges = self.compute_credit_charges(limits, &present_millivolts);
+        let present_charges = self.compute_credit_charge_rates_of_driving_channels(limits, &present_millivolts);
         let Some(sequencer) = &mut self.sequencer else { return Ok(()) };
         let used = placed.used_channels();
         for (index, limit) in limits.iter().enumerate().filter(|(index, _)| used.get(*index) == Some(&true)) {
             let channel = u8::try_from(index).unwrap_or(u8::MAX);
             let millivolts = highest_millivolts.get(rail_index_of_channel(index)).copied().unwrap_or(u32::MAX);
-            let charge = CreditCharge::at_most_on_rail(millivolts, limit.max_voltage_millivolts);
+            let charge = CreditCharge::from_voltage_with_widest_windows(millivolts, limit.max_voltage_millivolts);
             let clocks_per_us = u64::from(limit.timer_clock_hz / 1_000_000);
             let plan = |rest_us| {
                 plan_drives_for_window_times(
@@ -143,7 +143,7 @@ impl Device {
             let last = PlannedDrive {
                 rest_us: 0,
                 drive_us: end_us.saturating_sub(now_us),
-                charge: present_charge.max(self.budget.last_charge(index)),
+                charge: present_charge.max(self.budget.last_credit_charge_rate(index)),
             };
             let rest_us = sequencer.board_time_of_clock_us(start).saturating_sub(end_us);
             if let Some(wait_ms) = self.budget.required_wait_for_plan_ms(index, last, plan(rest_us)) {
@@ -214,7 +214,7 @@ fn plan_drives_for_window_times(
 
 /// The highest average over [`SEQUENCE_CURRENT_SPAN_MS`] of what the windows take from the supply, in uA: each charges its electrode
 /// once.
-fn highest_average_current_microamps(sequence: &WindowSequence, ticks_per_ms: u32) -> u32 {
+fn highest_moving_average_of_sequence_current_microamps(sequence: &WindowSequence, ticks_per_ms: u32) -> u32 {
     let span = SEQUENCE_CURRENT_SPAN_MS * ticks_per_ms;
     let mut ends = [0_u32; MAX_CHANNELS];
     let mut edges: heapless::Vec<(u32, u64), { crate::waveform::MAX_WINDOWS }> = heapless::Vec::new();

@@ -19,7 +19,10 @@ impl PortWatch {
 
     /// Notes the line as it is now. If the program that had the port open has closed it, this is what the device has to be told: the link, and that
     /// whoever comes next is another one. A host that never raises the line closes nothing.
-    pub const fn note_line_and_build_arrival_if_closed(&mut self, is_open: bool) -> Option<(usize, LinkArrival)> {
+    pub const fn note_port_state_and_build_reopened_arrival_if_just_closed(
+        &mut self,
+        is_open: bool,
+    ) -> Option<(usize, LinkArrival)> {
         let was_open = core::mem::replace(&mut self.is_open, is_open);
         if was_open && !is_open { Some((self.link, LinkArrival::Reopened)) } else { None }
     }

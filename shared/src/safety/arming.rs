@@ -5,7 +5,9 @@ use crate::limits::{
     TEST_BLEED_MS, TEST_LIMIT_MS, TEST_MICROAMPS, TEST_MILLIVOLTS, TEST_TOLERANCE_MILLIVOLTS,
 };
 use crate::protocol::FaultCode;
-use crate::supply::{FaultFinding, RAILS, SensorReadings, SupplyCommand, charged_rail_fault_detail};
+use crate::supply::{
+    FaultFinding, RAILS, SensorReadings, SupplyCommand, encode_first_charged_rail_as_fault_detail_if_any,
+};
 use crate::waveform::Electrode;
 
 /// Detail of [`FaultCode::SelfTest`]: a rail that was not charged shows a voltage; plus the rail's number, from 1.
@@ -112,9 +114,10 @@ impl SelfTest {
                 self.enter_phase(SelfTestPhase::Trips, now_us);
                 SelfTestVerdict::TryTrips
             }
-            SelfTestPhase::Discharge if has_lasted(DISCHARGE_LIMIT_MS) => {
-                SelfTestVerdict::Failed((FaultCode::DischargeFailed, charged_rail_fault_detail(readings).unwrap_or(0)))
-            }
+            SelfTestPhase::Discharge if has_lasted(DISCHARGE_LIMIT_MS) => SelfTestVerdict::Failed((
+                FaultCode::DischargeFailed,
+                encode_first_charged_rail_as_fault_detail_if_any(readings).unwrap_or(0),
+            )),
             SelfTestPhase::Discharge => SelfTestVerdict::Continue(SupplyCommand::OFF),
             SelfTestPhase::Trips => {
                 // Whoever tried them has raised a fault if they cannot.

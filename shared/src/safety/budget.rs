@@ -134,7 +134,7 @@ impl DriveBudget {
     /// rest that it would take.
     #[must_use]
     pub fn longest_burst_ms_if_limit_reached(&self, plan: impl Iterator<Item = PlannedDrive>) -> Option<u32> {
-        let burst_us = sum_plan(0, REST_US, plan).longest_burst_us;
+        let burst_us = compute_longest_burst_and_credit_of_plan(0, REST_US, plan).longest_burst_us;
         // A channel must stop in the moment in which its burst reaches the limit.
         (burst_us >= self.burst_limit_us).then(|| u32::try_from(burst_us / 1000 + 1).unwrap_or(u32::MAX))
     }
@@ -149,7 +149,11 @@ impl DriveBudget {
         plan: impl Iterator<Item = PlannedDrive>,
     ) -> Option<u32> {
         let account = self.accounts.get(channel)?;
-        let cost = sum_plan(account.burst_us, account.rested_us, core::iter::once(last).chain(plan));
+        let cost = compute_longest_burst_and_credit_of_plan(
+            account.burst_us,
+            account.rested_us,
+            core::iter::once(last).chain(plan),
+        );
         let rest_us = if cost.longest_burst_us < self.burst_limit_us {
             0
         } else if last.drive_us == 0 {
@@ -172,13 +176,17 @@ impl DriveBudget {
 
     /// What a channel's drive cost when time was last charged.
     #[must_use]
-    pub fn last_charge(&self, channel: usize) -> CreditCharge {
+    pub fn last_credit_charge_rate(&self, channel: usize) -> CreditCharge {
         self.accounts.get(channel).map_or(CreditCharge::NONE, |account| account.charge)
     }
 }
 
 /// What a plan takes of an account with this burst and this rest.
-fn sum_plan(mut burst_us: u64, mut rested_us: u64, plan: impl Iterator<Item = PlannedDrive>) -> PlanCost {
+fn compute_longest_burst_and_credit_of_plan(
+    mut burst_us: u64,
+    mut rested_us: u64,
+    plan: impl Iterator<Item = PlannedDrive>,
+) -> PlanCost {
     let mut cost = PlanCost { longest_burst_us: 0, credit: 0 };
     for PlannedDrive { rest_us, drive_us, charge } in plan {
         rested_us = rested_us.saturating_add(rest_us);

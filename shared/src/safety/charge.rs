@@ -32,18 +32,18 @@ impl CreditCharge {
     #[must_use]
     pub fn from_period(period: &TimerPeriod, millivolts: u32, max_millivolts: u32) -> Self {
         let width = ratio_q30_rounded_up_capped(2 * u32::from(period.widest_window_ticks()), period.ticks);
-        Self::from_width_and_voltage(quarter_sine_q30_upper_bound(width), millivolts, max_millivolts)
+        Self::from_width_sine_and_voltage(quarter_sine_q30_upper_bound(width), millivolts, max_millivolts)
     }
 
     /// The most that any windows cost on a rail of `millivolts`, on a channel whose limit is `max_millivolts`.
     #[must_use]
-    pub fn at_most_on_rail(millivolts: u32, max_millivolts: u32) -> Self {
-        Self::from_width_and_voltage(ONE, millivolts, max_millivolts)
+    pub fn from_voltage_with_widest_windows(millivolts: u32, max_millivolts: u32) -> Self {
+        Self::from_width_sine_and_voltage(ONE, millivolts, max_millivolts)
     }
 
-    fn from_width_and_voltage(sine: u32, millivolts: u32, max_millivolts: u32) -> Self {
+    fn from_width_sine_and_voltage(width_sine_q30: u32, millivolts: u32, max_millivolts: u32) -> Self {
         let voltage = ratio_q30_rounded_up_capped(millivolts, max_millivolts);
-        let force = multiply_q30_rounding_up(multiply_q30_rounding_up(voltage, voltage), sine);
+        let force = multiply_q30_rounding_up(multiply_q30_rounding_up(voltage, voltage), width_sine_q30);
         // Below 2^51, and no more than PPM.
         let ppm = (u64::from(multiply_q30_rounding_up(force, force)) * u64::from(PPM)).div_ceil(u64::from(ONE));
         Self(u32::try_from(ppm).unwrap_or(PPM).min(PPM))

@@ -15,7 +15,7 @@
 use crate::MAX_CHANNELS;
 use crate::circuit::{
     BLEEDER_OHMS, ELECTRODE_OHMS, ELECTRODE_PICOFARADS, LOWER_SWITCH_OHMS, RAIL_PICOFARADS,
-    RESISTANCE_TOLERANCE_PERCENT, TOLERANCE_PERCENT, add_percent, least_charged_permille, subtract_percent,
+    RESISTANCE_TOLERANCE_PERCENT, TOLERANCE_PERCENT, add_percent, least_electrode_charge_permille, subtract_percent,
 };
 use crate::limits::{TEST_PAUSE_MICROSECONDS, TEST_PULSE_MICROSECONDS, TEST_PULSES};
 use crate::protocol::FaultCode;
@@ -42,10 +42,10 @@ pub struct ElectrodePulses {
 const ONE_PPM: u64 = 1_000_000;
 
 /// By how much a rail falls over the counted pulses if each takes `share_ppm` of what is left, in millionths.
-const fn fall_over_pulses_ppm(share_ppm: u64) -> u64 {
+const fn rail_fall_over_test_pulses_ppm(share_per_pulse_ppm: u64) -> u64 {
     let (mut left_ppm, mut pulse) = (ONE_PPM, 1);
     while pulse < TEST_PULSES {
-        left_ppm = left_ppm * (ONE_PPM - share_ppm) / ONE_PPM;
+        left_ppm = left_ppm * (ONE_PPM - share_per_pulse_ppm) / ONE_PPM;
         pulse += 1;
     }
     ONE_PPM - left_ppm
@@ -66,14 +66,14 @@ const MOST_BLEED_PPM: u64 = {
 
 /// A rail that falls by less over the pulses has charged no electrode, in millionths: half-way between what the bleeders take at most
 /// and what the smallest electrode takes at least from the largest rail.
-const fn least_rail_fall_with_electrode_ppm(picofarads: u32) -> u64 {
+const fn missing_electrode_rail_fall_threshold_ppm(picofarads: u32) -> u64 {
     let (electrode, rail) = (
         subtract_percent(picofarads as u64, TOLERANCE_PERCENT),
         add_percent(RAIL_PICOFARADS as u64, TOLERANCE_PERCENT),
     );
-    let charged_permille = least_charged_permille(TEST_PULSE_MICROSECONDS as u64 * 1_000) as u64;
+    let charged_permille = least_electrode_charge_permille(TEST_PULSE_MICROSECONDS as u64 * 1_000) as u64;
     let share_ppm = electrode * charged_permille * 1_000 / (electrode + rail);
-    let charged_ppm = fall_over_pulses_ppm(share_ppm);
+    let charged_ppm = rail_fall_over_test_pulses_ppm(share_ppm);
     assert!(
         charged_ppm >= MOST_BLEED_PPM + 2 * MEASUREMENT_PPM,
         "the test cannot detect an electrode with so small a capacitance"
@@ -83,12 +83,12 @@ const fn least_rail_fall_with_electrode_ppm(picofarads: u32) -> u64 {
 
 /// A rail that falls by more has been drawn down, in millionths: half-way between what the largest electrode takes at most from the
 /// smallest rail, and what a path through the electrode's resistor and its lower switch takes at least from the largest.
-const fn most_rail_fall_with_sound_electrode_ppm(picofarads: u32) -> u64 {
+const fn short_circuit_rail_fall_threshold_ppm(picofarads: u32) -> u64 {
     let (electrode, rail) = (
         add_percent(picofarads as u64, TOLERANCE_PERCENT),
         subtract_percent(RAIL_PICOFARADS as u64, TOLERANCE_PERCENT),
     );
-    let charged_ppm = fall_over_pulses_ppm(electrode * ONE_PPM / (electrode + rail)) + MOST_BLEED_PPM;
+    let charged_ppm = rail_fall_over_test_pulses_ppm(electrode * ONE_PPM / (electrode + rail)) + MOST_BLEED_PPM;
     let ohms = add_percent((ELECTRODE_OHMS + LOWER_SWITCH_OHMS) as u64, RESISTANCE_TOLERANCE_PERCENT);
     let time_constant_us = ohms * (add_percent(RAIL_PICOFARADS as u64, TOLERANCE_PERCENT) + electrode) / 1_000_000;
     let drawn_ppm = least_decay_ppm(((TEST_PULSES - 1) * TEST_PULSE_MICROSECONDS) as u64, time_constant_us);
@@ -191,9 +191,9 @@ const fn rail_fall_limits_of_channels_ppm(of_most: bool) -> [u64; MAX_CHANNELS] 
     while channel < limits.len() {
         let picofarads = ELECTRODE_PICOFARADS[channel];
         limits[channel] = if of_most {
-            most_rail_fall_with_sound_electrode_ppm(picofarads)
+            short_circuit_rail_fall_threshold_ppm(picofarads)
         } else {
-            least_rail_fall_with_electrode_ppm(picofarads)
+            missing_electrode_rail_fall_threshold_ppm(picofarads)
         };
         channel += 1;
     }

@@ -67,7 +67,7 @@ impl SafetyMachine {
 
     /// The number of the fault that was latched last: faults that were latched so far, from 1; 0 if there was none.
     #[must_use]
-    pub const fn fault_number(&self) -> u32 {
+    pub const fn sequence_number_of_last_latched_fault(&self) -> u32 {
         self.fault_number
     }
 

@@ -1,22 +1,22 @@
 //! What drives take from the supply on average.
 
 use super::{RAILS, rail_index_of_channel};
-use crate::circuit::{ELECTRODE_PICOFARADS, both_bleeders_microamps};
+use crate::circuit::{ELECTRODE_PICOFARADS, both_bleeders_of_one_rail_microamps};
 
 /// Mean current in uA, rounded up, that drives take from rails of these voltages: both electrodes of a channel are charged once in every
 /// period, at most, and each rail has two bleeders. `drives` holds the channel and the frequency in 1e-9 Hz of each.
 pub fn mean_current_of_drives_and_bleeders_microamps(
     rail_millivolts: [u32; RAILS],
-    drives: impl Iterator<Item = (usize, u64)>,
+    channels_with_nanohertz: impl Iterator<Item = (usize, u64)>,
 ) -> u32 {
-    let charged = drives.map(|(channel, frequency_nanohertz)| {
+    let charged = channels_with_nanohertz.map(|(channel, frequency_nanohertz)| {
         let millivolts = rail_millivolts.get(rail_index_of_channel(channel)).copied().unwrap_or(0);
         let picofarads = ELECTRODE_PICOFARADS.get(channel).copied().unwrap_or(0);
         // pF times mV is fC, and fC times mHz is 1e-18 A: at 2 kV and 1 kHz 4.6e14 of them.
         2 * u64::from(picofarads) * u64::from(millivolts) * frequency_nanohertz.div_ceil(1_000_000)
     });
     let charging = u32::try_from(charged.sum::<u64>().div_ceil(1_000_000_000_000)).unwrap_or(u32::MAX);
-    rail_millivolts.into_iter().map(both_bleeders_microamps).fold(charging, u32::saturating_add)
+    rail_millivolts.into_iter().map(both_bleeders_of_one_rail_microamps).fold(charging, u32::saturating_add)
 }
 
 #[cfg(test)]

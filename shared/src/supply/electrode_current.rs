@@ -53,7 +53,7 @@ struct FadingSum(u64);
 
 impl FadingSum {
     /// Lets the sum fade for `elapsed_us` and adds `part` to it.
-    const fn fade_and_add_to_immediate_and_delayed_sums(&mut self, part: u64, elapsed_us: u64) {
+    const fn fade_by_elapsed_time_and_add(&mut self, part: u64, elapsed_us: u64) {
         // 2 mA over 131 ms are 2.6e11 fC; times 2500 us that is far below 2^64.
         self.0 = self.0 - self.0 * elapsed_us / ELECTRODE_MEAN_MICROSECONDS + part;
     }
@@ -69,14 +69,14 @@ struct LateSum {
 impl LateSum {
     /// Lets both sums fade for `elapsed_us` and adds `part_fc`, a charge in fC, to them.
     const fn fade_and_add_to_immediate_and_delayed_sums(&mut self, part_fc: u64, elapsed_us: u64) {
-        self.at_once.fade_and_add_to_immediate_and_delayed_sums(part_fc, elapsed_us);
+        self.at_once.fade_by_elapsed_time_and_add(part_fc, elapsed_us);
         let rise = self.at_once.0.saturating_sub(self.late) * elapsed_us / LATE_MICROSECONDS;
         let fall = self.late.saturating_sub(self.at_once.0) * elapsed_us / LATE_MICROSECONDS;
         self.late = self.late + rise - fall;
     }
 
     /// The smaller of the two sums in fC.
-    fn smaller_sum_fc(&self) -> u64 {
+    fn smaller_of_immediate_and_delayed_sum_fc(&self) -> u64 {
         self.at_once.0.min(self.late)
     }
 
@@ -165,7 +165,7 @@ impl ElectrodeCurrentMonitor {
     ///
     /// Detail: 10 000 for too little or 20 000 for too much, + 1000 x the ERA's number if only one has driven lately, + the measured mean in
     /// uA (999 at most).
-    pub fn check_current(
+    pub fn update_and_find_electrode_current_fault(
         &mut self,
         now_us: u64,
         readings: &SensorReadings,
@@ -183,7 +183,7 @@ impl ElectrodeCurrentMonitor {
             }
             return None;
         }
-        self.add_charges(now_us, elapsed_us, readings, supply, charges);
+        self.add_measured_and_expected_charges(now_us, elapsed_us, readings, supply, charges);
         let (least, most) = self.least_and_most_expected_charge_fc();
         let measured = self.measured.0;
         let too_little = add_percent(measured, CURRENT_TOLERANCE_PERCENT) < least;
@@ -197,7 +197,7 @@ impl ElectrodeCurrentMonitor {
         None
     }
 
-    fn add_charges(
+    fn add_measured_and_expected_charges(
         &mut self,
         now_us: u64,
         elapsed_us: u64,
@@ -207,7 +207,7 @@ impl ElectrodeCurrentMonitor {
     ) {
         // uA times us is pC.
         let measured_pc = u64::from(readings.average_microamps.min(MOST_MICROAMPS)) * elapsed_us;
-        self.measured.fade_and_add_to_immediate_and_delayed_sums(measured_pc * 1_000, elapsed_us);
+        self.measured.fade_by_elapsed_time_and_add(measured_pc * 1_000, elapsed_us);
         let (mut bleeders, mut leakage) = (0, 0);
         for (rail, millivolts) in self.rails.iter_mut().zip(readings.rail_millivolts) {
             // What is above that has been found by others.
@@ -218,8 +218,8 @@ impl ElectrodeCurrentMonitor {
             bleeders += millivolt_us * 2 * 1_000_000 / u64::from(BLEEDER_OHMS);
             leakage += millivolt_us * 1_000_000 / u64::from(LEAKAGE_OHMS);
         }
-        self.bleeders.fade_and_add_to_immediate_and_delayed_sums(bleeders, elapsed_us);
-        self.leakage.fade_and_add_to_immediate_and_delayed_sums(leakage, elapsed_us);
+        self.bleeders.fade_by_elapsed_time_and_add(bleeders, elapsed_us);
+        self.leakage.fade_by_elapsed_time_and_add(leakage, elapsed_us);
         let (mut least, mut most) = (0, 0);
         for (channel, charge) in charges.iter().enumerate() {
             let of_rail =
@@ -256,7 +256,7 @@ impl ElectrodeCurrentMonitor {
         }
         // uA times us is pC.
         let offset = u64::from(CURRENT_OFFSET_MICROAMPS) * ELECTRODE_MEAN_MICROSECONDS * 1_000;
-        let least = subtract_percent(self.least.smaller_sum_fc(), TOLERANCE_PERCENT)
+        let least = subtract_percent(self.least.smaller_of_immediate_and_delayed_sum_fc(), TOLERANCE_PERCENT)
             + subtract_percent(self.bleeders.0, RESISTANCE_TOLERANCE_PERCENT);
         let most = add_percent(self.most.larger_of_immediate_and_delayed_sum_fc() + risen, TOLERANCE_PERCENT)
             + add_percent(self.bleeders.0, RESISTANCE_TOLERANCE_PERCENT)

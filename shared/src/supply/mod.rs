@@ -21,7 +21,7 @@ pub use watch::{FaultFinding, ReferenceMonitor, SupplyMonitor};
 /// The first rail that is not harmless, as the detail of a fault: 10 000 x the rail's number, from 1, + its volts. `None` if all rails are
 /// discharged.
 #[must_use]
-pub fn charged_rail_fault_detail(readings: &SensorReadings) -> Option<u32> {
+pub fn encode_first_charged_rail_as_fault_detail_if_any(readings: &SensorReadings) -> Option<u32> {
     let mut rails = (1_u32..).zip(readings.rail_millivolts);
     rails
         .find(|(_, millivolts)| *millivolts >= DISCHARGED_MILLIVOLTS)

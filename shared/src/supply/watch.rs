@@ -55,7 +55,7 @@ impl SupplyMonitor {
     }
 
     /// The first fault in the readings, if there is one. `supply` is the command that was in force when they were measured.
-    pub fn check_readings(
+    pub fn update_and_find_first_fault_in_readings(
         &mut self,
         now_us: u64,
         readings: &SensorReadings,
@@ -162,7 +162,11 @@ impl ReferenceMonitor {
     }
 
     /// The fault in the reference, if there is one.
-    pub fn check_reference(&mut self, now_us: u64, readings: &SensorReadings) -> Option<FaultFinding> {
+    pub fn update_and_find_lasting_reference_fault(
+        &mut self,
+        now_us: u64,
+        readings: &SensorReadings,
+    ) -> Option<FaultFinding> {
         let elapsed_us = now_us.saturating_sub(self.last_us.replace(now_us).unwrap_or(now_us)).min(LONGEST_STEP_US);
         let off = readings.reference_millivolts.abs_diff(REFERENCE_MILLIVOLTS);
         let is_wrong = u64::from(off) * 100 > u64::from(REFERENCE_MILLIVOLTS) * u64::from(REFERENCE_TOLERANCE_PERCENT);

@@ -189,9 +189,14 @@ fn interpolate_level(from: i16, to: i16, elapsed: u64, duration: u64) -> i16 {
 /// The widest window that makes no more force is searched for in integers: with the same result on every processor, and within 10 us on
 /// the board's.
 #[must_use]
-pub(super) fn window_ticks_for_level(period_ticks: u32, full_width: u32, level: i16, force_fraction: u32) -> u32 {
-    let level = u64::from(level.unsigned_abs().min(FULL_LEVEL.unsigned_abs()));
-    let part = level * u64::from(force_fraction.min(FULL_STRENGTH));
+pub(super) fn window_ticks_for_level(
+    period_ticks: u32,
+    full_width: u32,
+    level_permille: i16,
+    force_fraction_q16: u32,
+) -> u32 {
+    let level_permille = u64::from(level_permille.unsigned_abs().min(FULL_LEVEL.unsigned_abs()));
+    let part = level_permille * u64::from(force_fraction_q16.min(FULL_STRENGTH));
     let full = u64::from(FULL_LEVEL.unsigned_abs()) * u64::from(FULL_STRENGTH);
     if part >= full {
         return full_width;

@@ -106,7 +106,7 @@ pub struct PulseCheck {
 
 impl PulseCheck {
     /// Adds the next pulse to the statistics.
-    pub fn note_pulse(&mut self, next: Pulse) {
+    pub fn add_pulse_to_guard_and_overlap_statistics(&mut self, next: Pulse) {
         if let Some(last) = &mut self.last {
             if last.electrode == next.electrode && last.to == next.from {
                 last.to = next.to;
@@ -170,7 +170,7 @@ impl ModelTimers {
         let now = self.sequencer.clocks_since_start(now_us);
         for (channel, (timer, check)) in self.timers.iter_mut().zip(&mut self.checks).enumerate() {
             let told = timer.run_until(now, |told| {
-                check.note_pulse(told);
+                check.add_pulse_to_guard_and_overlap_statistics(told);
                 on_pulse(channel, told);
             });
             told.map_err(ModelError::Windows)?;

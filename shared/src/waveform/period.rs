@@ -29,7 +29,7 @@ pub struct TimerPeriod {
 
 /// A period of exactly 1 ms at 170 MHz in which nothing is on: what a timer does while its channel is off, so that a drive
 /// begins within a ms.
-pub const IDLE: TimerPeriod = TimerPeriod::blank(4, 42_500);
+pub const IDLE: TimerPeriod = TimerPeriod::without_windows(4, 42_500);
 
 impl TimerPeriod {
     /// Most ticks in a period: ARR must stay below 0xFFFF, see [`CompareWindow::NEVER`].
@@ -39,7 +39,7 @@ impl TimerPeriod {
 
     /// A period in which nothing is on.
     #[must_use]
-    pub const fn blank(divider: u32, ticks: u32) -> Self {
+    pub const fn without_windows(divider: u32, ticks: u32) -> Self {
         Self { divider, ticks, a: CompareWindow::NEVER, b: CompareWindow::NEVER }
     }
 
@@ -49,7 +49,7 @@ impl TimerPeriod {
     #[must_use]
     pub fn with_windows(divider: u32, ticks: u32, width_ticks: u32, reversed: bool) -> Self {
         if width_ticks == 0 || 2 * width_ticks >= ticks {
-            return Self::blank(divider, ticks);
+            return Self::without_windows(divider, ticks);
         }
         let first = first_window_start(ticks, width_ticks);
         let window = |on: u32| CompareWindow { on: saturate_to_u16(on), off: saturate_to_u16(on + width_ticks) };
@@ -73,7 +73,7 @@ impl TimerPeriod {
 
     /// Whether no electrode is on in it.
     #[must_use]
-    pub fn is_blank(&self) -> bool {
+    pub fn has_no_windows(&self) -> bool {
         self.a == CompareWindow::NEVER && self.b == CompareWindow::NEVER
     }
 }

@@ -12,7 +12,7 @@ use super::period::{IDLE, TimerPeriod};
 use super::program::ChannelProgram;
 use super::window_sequence::{LEAST_LEAD_CLOCKS, PlacedWindows};
 use crate::MAX_CHANNELS;
-use crate::circuit::least_charged_permille;
+use crate::circuit::least_electrode_charge_permille;
 use heapless::Vec;
 
 /// A boundary nearer than this, in us, is left to pass: working out what a timer must do takes 20 us, writing its registers
@@ -68,7 +68,7 @@ impl ElectrodeCharges {
         let count = u32::try_from(count).unwrap_or(u32::MAX);
         for window in [period.a, period.b].into_iter().filter(|window| window.off > window.on) {
             let clocks = u64::from(window.off - window.on) * u64::from(period.divider);
-            let least_permille = least_charged_permille(clocks * 1_000 / clocks_per_us);
+            let least_permille = least_electrode_charge_permille(clocks * 1_000 / clocks_per_us);
             self.least_permille = self.least_permille.saturating_add(least_permille.saturating_mul(count));
             self.most_permille = self.most_permille.saturating_add(1_000_u32.saturating_mul(count));
         }
@@ -126,7 +126,10 @@ impl ChannelTrack {
         if let Some((period, at)) = self.pending
             && at <= now
         {
-            self.pass_periods(at.saturating_sub(self.boundary) / self.active.length_clocks(), clocks_per_us);
+            self.advance_boundary_by_periods_and_add_their_charges(
+                at.saturating_sub(self.boundary) / self.active.length_clocks(),
+                clocks_per_us,
+            );
             (self.active, self.boundary, self.pending) = (period, at, None);
         }
         // Whatever is played by a rhythm may go on until its next boundary. Of windows that are given one by one, each has its own.
@@ -140,13 +143,16 @@ impl ChannelTrack {
             if !is_prepared && !windows.is_start_reachable_from_boundary(next + length) {
                 (self.plays_windows, self.missed) = (false, true);
             }
-            self.pass_periods(1, clocks_per_us);
+            self.advance_boundary_by_periods_and_add_their_charges(1, clocks_per_us);
         }
-        self.pass_periods(now.saturating_sub(self.boundary) / self.active.length_clocks(), clocks_per_us);
+        self.advance_boundary_by_periods_and_add_their_charges(
+            now.saturating_sub(self.boundary) / self.active.length_clocks(),
+            clocks_per_us,
+        );
     }
 
     /// So many periods of the running kind are over.
-    fn pass_periods(&mut self, count: u64, clocks_per_us: u64) {
+    fn advance_boundary_by_periods_and_add_their_charges(&mut self, count: u64, clocks_per_us: u64) {
         self.boundary += count * self.active.length_clocks();
         if count > 0 {
             self.charges.add_periods(&self.active, count, clocks_per_us);
@@ -161,10 +167,10 @@ impl ChannelTrack {
     /// The first boundary, not before `earliest`, for which something can still be preloaded.
     const fn next_changeable_boundary_clock(&self, earliest: u64) -> u64 {
         let next = self.next_boundary_clock();
-        if next >= earliest { next } else { next + self.preloaded_period().length_clocks() }
+        if next >= earliest { next } else { next + self.preloaded_or_else_active_period().length_clocks() }
     }
 
-    const fn preloaded_period(&self) -> TimerPeriod {
+    const fn preloaded_or_else_active_period(&self) -> TimerPeriod {
         match self.pending {
             Some((period, _)) => period,
             None => self.active,
@@ -242,7 +248,7 @@ fn make_blank_gap_and_its_actual_clocks(
         }
     }
     let (_, divider, ticks) = best;
-    (TimerPeriod::blank(divider, ticks), u64::from(divider) * u64::from(ticks))
+    (TimerPeriod::without_windows(divider, ticks), u64::from(divider) * u64::from(ticks))
 }
 
 /// All channels of a board.
@@ -358,8 +364,8 @@ impl Sequencer {
         let mut earliest = now;
         for (track, _) in self.tracks.iter().zip(channels).filter(|(_, used)| *used) {
             // One more period than can be changed, should its boundary pass before the device looks again.
-            let changeable =
-                track.next_changeable_boundary_clock(now + margin) + track.preloaded_period().length_clocks();
+            let changeable = track.next_changeable_boundary_clock(now + margin)
+                + track.preloaded_or_else_active_period().length_clocks();
             earliest = earliest.max(changeable + LEAST_LEAD_CLOCKS);
         }
         earliest
@@ -402,7 +408,7 @@ impl Sequencer {
     }
 
     /// Ends the drive of one channel at its next boundary.
-    pub fn end_drive(&mut self, channel: usize) {
+    pub fn end_drive_at_next_boundary(&mut self, channel: usize) {
         if let Some(track) = self.tracks.get_mut(channel) {
             track.goal = None;
             track.queue.clear();
@@ -419,24 +425,26 @@ impl Sequencer {
     /// Whether a channel's electrodes are in use, now or from the next boundary on.
     #[must_use]
     pub fn is_active_or_preloaded_period_driving(&self, channel: usize) -> bool {
-        self.tracks.get(channel).is_some_and(|track| !track.active.is_blank() || !track.preloaded_period().is_blank())
+        self.tracks.get(channel).is_some_and(|track| {
+            !track.active.has_no_windows() || !track.preloaded_or_else_active_period().has_no_windows()
+        })
     }
 
     /// The stronger of the two periods that a channel's timer goes through now and from its next boundary on: that with the
     /// wider windows for its length; `None` if both are blank.
     #[must_use]
-    pub fn stronger_of_active_and_preloaded_period(&self, channel: usize) -> Option<TimerPeriod> {
+    pub fn stronger_of_active_and_preloaded_period_if_any_driving(&self, channel: usize) -> Option<TimerPeriod> {
         let track = self.tracks.get(channel)?;
-        let (now, next) = (track.active, track.preloaded_period());
+        let (now, next) = (track.active, track.preloaded_or_else_active_period());
         // Of 16 bits each, so that the products fit.
         let share =
             |of: &TimerPeriod, other: &TimerPeriod| u32::from(of.widest_window_ticks()).saturating_mul(other.ticks);
         let strongest = if share(&now, &next) >= share(&next, &now) { now } else { next };
-        (!strongest.is_blank()).then_some(strongest)
+        (!strongest.has_no_windows()).then_some(strongest)
     }
 
     /// How often each channel's electrodes were charged in the periods that have ended since the last call.
-    pub fn take_electrode_charges(&mut self) -> [ElectrodeCharges; MAX_CHANNELS] {
+    pub fn take_electrode_charge_counts(&mut self) -> [ElectrodeCharges; MAX_CHANNELS] {
         core::array::from_fn(|channel| {
             self.tracks.get_mut(channel).map(|track| core::mem::take(&mut track.charges)).unwrap_or_default()
         })
@@ -444,7 +452,7 @@ impl Sequencer {
 
     /// What must be written to a channel's preload registers now, if anything. To be called for every channel at least every
     /// ms, and again at [`Self::next_extra_poll_us_if_needed`].
-    pub fn take_due_preload(&mut self, channel: usize, now_us: u64) -> Option<TimerPreload> {
+    pub fn advance_and_prepare_next_preload_if_changed(&mut self, channel: usize, now_us: u64) -> Option<TimerPreload> {
         let (now, clocks_per_us) = (self.clocks_since_start(now_us), self.clocks_per_us);
         let passed = self.latest_certainly_passed_clock(now);
         let track = self.tracks.get_mut(channel)?;
@@ -456,7 +464,7 @@ impl Sequencer {
             return None;
         }
         let period = track.choose_period_from(at, clocks_per_us, windows);
-        if period == track.preloaded_period() {
+        if period == track.preloaded_or_else_active_period() {
             return None;
         }
         track.pending = Some((period, at));
@@ -465,7 +473,9 @@ impl Sequencer {
 
     /// What must be written to all channels' preload registers now.
     pub fn take_due_preloads(&mut self, now_us: u64) -> Vec<TimerPreload, MAX_CHANNELS> {
-        (0..MAX_CHANNELS).filter_map(|channel| self.take_due_preload(channel, now_us)).collect()
+        (0..MAX_CHANNELS)
+            .filter_map(|channel| self.advance_and_prepare_next_preload_if_changed(channel, now_us))
+            .collect()
     }
 
     const fn latest_certainly_passed_clock(&self, now: u64) -> u64 {

@@ -7,7 +7,7 @@
 use super::edges::Electrode;
 use super::period::{CompareWindow, TimerPeriod, saturate_to_u16};
 use crate::MAX_CHANNELS;
-use crate::circuit::least_charged_permille;
+use crate::circuit::least_electrode_charge_permille;
 use crate::limits::LEAST_GUARD_NANOSECONDS;
 use crate::protocol::ChannelLimits;
 use heapless::Vec;
@@ -22,7 +22,7 @@ pub const SEQUENCE_TICK_CLOCKS: u32 = 17;
 pub const LEAST_WIDTH_TICKS: u32 = 3_000;
 const _: () = assert!(
     // At least 86 %, two time constants, with all tolerances against it; a tick is 100 ns.
-    least_charged_permille(LEAST_WIDTH_TICKS as u64 * 100) >= 860,
+    least_electrode_charge_permille(LEAST_WIDTH_TICKS as u64 * 100) >= 860,
     "the shortest window charges an electrode to less than 86 %"
 );
 /// Longest pause before a window in ticks: 1 s.
@@ -227,9 +227,9 @@ impl PlacedWindows {
             // Twice nine is one more than a tick: k periods of two clocks make up for what is left of whole ticks.
             let aligning = ALIGNING_CLOCKS + 2 * (lead % tick * 9 % tick);
             if !lead.is_multiple_of(tick) && lead >= aligning {
-                return Some(TimerPeriod::blank(2, u32::try_from(aligning / 2).unwrap_or(u32::MAX)));
+                return Some(TimerPeriod::without_windows(2, u32::try_from(aligning / 2).unwrap_or(u32::MAX)));
             }
-            return Some(next_blank_period_of_wait(u32::try_from(lead / tick).unwrap_or(u32::MAX)));
+            return Some(blank_period_for_wait_or_its_first_part(u32::try_from(lead / tick).unwrap_or(u32::MAX)));
         };
         let now = u32::try_from(since_start / tick).ok()?;
         let half_guard = self.half_guards.get(usize::from(channel)).copied()?;
@@ -239,14 +239,14 @@ impl PlacedWindows {
         let wait = window.begin - now;
         let lead = wait.saturating_sub(half_guard);
         if lead >= LEAST_BLANK_TICKS {
-            return Some(next_blank_period_of_wait(lead));
+            return Some(blank_period_for_wait_or_its_first_part(lead));
         }
         // To the middle of the pause after it, or half a guard after it where a blank period fits in between.
         let pause = later.map_or(2 * half_guard, |later| later.begin - window.end);
         let after = if pause - 2 * half_guard >= LEAST_BLANK_TICKS { half_guard } else { pause / 2 };
         let (on, off) = (wait, window.end - now);
         let place = CompareWindow { on: saturate_to_u16(on), off: saturate_to_u16(off) };
-        let blank = TimerPeriod::blank(SEQUENCE_TICK_CLOCKS, off + after);
+        let blank = TimerPeriod::without_windows(SEQUENCE_TICK_CLOCKS, off + after);
         Some(match window.electrode {
             Electrode::A => TimerPeriod { a: place, ..blank },
             Electrode::B => TimerPeriod { b: place, ..blank },
@@ -255,8 +255,8 @@ impl PlacedWindows {
 }
 
 /// A blank period that ends where the next begins, in `ticks`, or one on the way there.
-fn next_blank_period_of_wait(ticks: u32) -> TimerPeriod {
+fn blank_period_for_wait_or_its_first_part(ticks: u32) -> TimerPeriod {
     let longest = TimerPeriod::MOST_TICKS;
     let length = if ticks <= longest { ticks.max(2) } else { longest.min(ticks - LEAST_BLANK_TICKS) };
-    TimerPeriod::blank(SEQUENCE_TICK_CLOCKS, length)
+    TimerPeriod::without_windows(SEQUENCE_TICK_CLOCKS, length)
 }

@@ -167,7 +167,7 @@ impl FakeBoard {
     }
 
     pub fn is_any_channel_driven(&self) -> bool {
-        (0..4).any(|channel| !self.find_latest_period(channel).is_blank())
+        (0..4).any(|channel| !self.find_latest_period(channel).has_no_windows())
     }
 }
 
@@ -235,7 +235,7 @@ impl Board for FakeBoard {
         let (after_first_millivolts, after_last_millivolts) = (seen[0], *seen.last().unwrap());
         Ok(ElectrodePulses { after_first_millivolts, after_last_millivolts })
     }
-    fn keep_for_next_start(&mut self, run: KeptRun) {
+    fn store_run_record_for_next_boot(&mut self, run: KeptRun) {
         self.kept = Some(run);
     }
     fn apply_supply_command(&mut self, supply: &SupplyCommand) {
@@ -262,7 +262,7 @@ impl Board for FakeBoard {
     fn write_preload_and_check_read_back(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
         let started_us = self.started_us.expect("preloaded a timer that does not run");
         assert!(preload.at >= (self.now_us - started_us + 50) * 170, "preloaded too near to its boundary");
-        assert!(self.connected || preload.period.is_blank(), "windows for electrodes that are not connected");
+        assert!(self.connected || preload.period.has_no_windows(), "windows for electrodes that are not connected");
         if self.fail_preload {
             return Err(FaultCode::ReadBack);
         }
@@ -277,7 +277,7 @@ impl Board for FakeBoard {
             None => Ok(()),
         }
     }
-    fn take_peak_acceleration_mm_per_s2(&mut self) -> Option<u32> {
+    fn take_peak_acceleration_mm_per_s2_if_sensor_exists(&mut self) -> Option<u32> {
         None
     }
     fn take_log_bytes(&mut self, out: &mut [u8]) -> usize {

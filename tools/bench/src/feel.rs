@@ -291,7 +291,7 @@ fn build_rows_of_push_click_and_click_off(name: &str, places: usize, clicked: &[
             of(&|own| Some(1e3 * own.peak_s)),
             of(&|own| Some(1e3 * own.quiet_s.unwrap_or(f64::INFINITY))),
             of(&|own| own.pulse_to_ring_db),
-            of(&ClickMeasures::sharpness_db_per_ms),
+            of(&ClickMeasures::sharpness_db_per_ms_if_pulse_to_ring_ratio_known),
         ]
     };
     let nominal: Vec<&ClickMeasures> = clicked.iter().map(|own| &own.click.measures).collect();
@@ -338,7 +338,7 @@ fn build_row_of_clicks(name: &str, places: usize, clicked: &[ClickAtPlace]) -> V
         format!("{:.2} g", least_of(&bound_g)),
         format!("{:.2}", least_of(&|own| peak_g(own) / bound_g(own).min(ASKED_G))),
         format!("{:.1} dB", median_of(&|own| own.click.measures.pulse_to_ring_db)),
-        format!("{:.2} dB/ms", median_of(&|own| own.click.measures.sharpness_db_per_ms())),
+        format!("{:.2} dB/ms", median_of(&|own| own.click.measures.sharpness_db_per_ms_if_pulse_to_ring_ratio_known())),
         format!("{:.1} dB", median_of(&|own| own.click.surface.map(|surface| surface.contrast_db))),
         format!("{:.1} ms, {slow:.1} ms", compute_median(times)),
     ]

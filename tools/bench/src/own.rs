@@ -5,8 +5,8 @@ use crate::error::Error;
 use crate::problem::{AccelerationCurves, MAX_HZ, Problem};
 use era_model::model::Fineness;
 use era_model::model::{Accuracy, PanelModel};
+use era_model::response::compute_acceleration_sweep_per_newton_with_error_bounds;
 use era_model::response::sweep::{AccelerationSweep, Arithmetic, SurfaceShapes};
-use era_model::response::sweep_with_error_bounds;
 use num_complex::Complex64;
 
 /// The mesh of the tightest answer: highest order, cells a third of what the band needs.
@@ -55,14 +55,14 @@ pub fn measure_solution_on_one_mesh<T: Arithmetic + Into<f64>>(
     let solve_once = || -> Result<_, Error> {
         let ((model, reduced), set_up_s) = run_and_time_s(|| -> Result<_, Error> {
             let model = PanelModel::build(&problem.scene, accuracy, MAX_HZ)?;
-            let reduced = model.reduce(MAX_HZ, &[])?;
+            let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(MAX_HZ, &[])?;
             Ok((model, reduced))
         })?;
         let ((operations, sweep), sweep_s) = run_and_time_s(|| -> Result<_, Error> {
             let shapes = SurfaceShapes::<T>::new(&problem.scene, &reduced, &problem.x_m, &problem.y_m);
             Ok((
                 shapes.count_operations_per_frequency_and_actuator(),
-                shapes.compute_accelerations(&problem.frequencies_hz)?,
+                shapes.compute_accelerations_per_newton_at_all_points(&problem.frequencies_hz)?,
             ))
         })?;
         Ok((model, reduced, operations, sweep, set_up_s, sweep_s))
@@ -103,7 +103,14 @@ pub fn measure_solution_with_bound(
 ) -> Result<EraMeasurement, Error> {
     let solve_once = || {
         let points = (problem.x_m.as_slice(), problem.y_m.as_slice());
-        run_and_time_s(|| sweep_with_error_bounds::<f32>(&problem.scene, accuracy, points, &problem.frequencies_hz))
+        run_and_time_s(|| {
+            compute_acceleration_sweep_per_newton_with_error_bounds::<f32>(
+                &problem.scene,
+                accuracy,
+                points,
+                &problem.frequencies_hz,
+            )
+        })
     };
     let mut times = Vec::new();
     for _ in 1..runs {
@@ -113,7 +120,7 @@ pub fn measure_solution_with_bound(
     times.push(last_s);
     let bounds = found.bounds.iter().map(|bound| bound.limit_if_known().unwrap_or(f64::NAN));
     let bound = bounds.reduce(|a, b| if a > b || a.is_nan() { a } else { b }).unwrap_or(f64::NAN);
-    let reduced = found.model.reduce(MAX_HZ, &[])?;
+    let reduced = found.model.reduce_with_residual_shapes_of_actuators_and_points(MAX_HZ, &[])?;
     Ok(EraMeasurement {
         name: format!("era to {:.0e}, f32, bound {bound:.0e}", accuracy.relative_tolerance_or_tightest()),
         unknowns: found.model.count_unknowns(),

@@ -10,7 +10,7 @@ use era_model::model::{Accuracy, PanelModel, compute_modes_with_error_bounds};
 use era_model::response::sweep::{AccelerationSweep, SurfaceShapes};
 use era_model::response::{
     compute_acceleration_curves_per_newton, compute_acceleration_curves_per_newton_with_error_bounds,
-    sweep_with_error_bounds,
+    compute_acceleration_sweep_per_newton_with_error_bounds,
 };
 use era_model::scene::random::random_scene_text;
 use era_model::scene::{Scene, SurfaceKind, equidistant_numbers};
@@ -45,7 +45,12 @@ pub fn build_table_of_error_bound_cost(environment: &Environment, problem: &Prob
         let mut bounds = (f64::NAN, f64::NAN);
         for _ in 0..runs {
             let (found, elapsed_s) = run_and_time_s(|| {
-                sweep_with_error_bounds::<f32>(&problem.scene, accuracy, points, &problem.frequencies_hz)
+                compute_acceleration_sweep_per_newton_with_error_bounds::<f32>(
+                    &problem.scene,
+                    accuracy,
+                    points,
+                    &problem.frequencies_hz,
+                )
             })?;
             proven.push(elapsed_s);
             bounds.0 = found.bounds.iter().map(|bound| bound.limit_if_known().unwrap_or(f64::NAN)).fold(0.0, f64::max);
@@ -93,9 +98,9 @@ pub fn build_table_of_error_bound_cost(environment: &Environment, problem: &Prob
 }
 
 fn compute_acceleration_sweep(problem: &Problem, model: &PanelModel) -> Result<AccelerationSweep<f32>, Error> {
-    let reduced = model.reduce(MAX_HZ, &[])?;
+    let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(MAX_HZ, &[])?;
     let shapes = SurfaceShapes::<f32>::new(&problem.scene, &reduced, &problem.x_m, &problem.y_m);
-    Ok(shapes.compute_accelerations(&problem.frequencies_hz)?)
+    Ok(shapes.compute_accelerations_per_newton_at_all_points(&problem.frequencies_hz)?)
 }
 
 /// The largest difference at any point, relative to the peak at this point, for each actuator.
@@ -109,8 +114,8 @@ fn compute_largest_relative_difference_of_each_actuator(
             let mut curves = vec![(0.0_f64, 0.0_f64); fine.points];
             for frequency in 0..frequencies {
                 let values = fine
-                    .accelerations_of_all_points(frequency, actuator)
-                    .zip(coarse.accelerations_of_all_points(frequency, actuator));
+                    .accelerations_per_newton_of_all_points(frequency, actuator)
+                    .zip(coarse.accelerations_per_newton_of_all_points(frequency, actuator));
                 for ((difference, peak), (fine, coarse)) in curves.iter_mut().zip(values) {
                     *difference = difference.max((fine - coarse).norm_sqr());
                     *peak = peak.max(fine.norm_sqr());
@@ -259,7 +264,7 @@ fn add_bounds_and_errors_of_responses(
         BAND_HZ,
         true,
         |model| {
-            let reduced = model.reduce(BAND_HZ, &[point_m])?;
+            let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(BAND_HZ, &[point_m])?;
             Ok(compute_acceleration_curves_per_newton(
                 &reduced,
                 &reduced.shape_deflections_at(point_m.0, point_m.1),

@@ -191,7 +191,12 @@ fn measure_solution_times(
         steady_s: measure_median_time_s(10 * runs, || solve_steady_state(system, drive))?,
         again_s: measure_median_time_s(10 * runs, || ready.solve_steady_amplitudes(drive))?,
         published_s: measure_median_time_s(runs.div_ceil(20), || {
-            as_published::compute_published_displacements_row_per_time(system, &rest, std::slice::from_ref(drive), GRID)
+            as_published::compute_displacements_by_thesis_eigenvectors_row_per_time(
+                system,
+                &rest,
+                std::slice::from_ref(drive),
+                GRID,
+            )
         })?,
     })
 }

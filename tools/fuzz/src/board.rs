@@ -181,7 +181,7 @@ impl WatchedBoard {
         let counts = timers.last_on.iter_mut().zip(&mut timers.charges);
         for ((model, check), (last_on, charges)) in timers.models.iter_mut().zip(&mut timers.checks).zip(counts) {
             let note = |pulse: Pulse| {
-                check.note_pulse(pulse);
+                check.add_pulse_to_guard_and_overlap_statistics(pulse);
                 // A pulse that a look has cut in two is one.
                 *charges += u64::from(*last_on != Some((pulse.electrode, pulse.from)));
                 *last_on = Some((pulse.electrode, pulse.to));
@@ -256,7 +256,7 @@ impl Board for WatchedBoard {
         Ok(ElectrodePulses { after_first_millivolts: 47_000, after_last_millivolts: 39_000 })
     }
 
-    fn keep_for_next_start(&mut self, run: KeptRun) {
+    fn store_run_record_for_next_boot(&mut self, run: KeptRun) {
         assert!(run.is_live || !self.can_drive_electrodes(), "the next start would not know that something was driven");
     }
 
@@ -294,7 +294,7 @@ impl Board for WatchedBoard {
     }
 
     fn write_preload_and_check_read_back(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
-        assert!(self.connected || preload.period.is_blank(), "windows for electrodes that are not connected");
+        assert!(self.connected || preload.period.has_no_windows(), "windows for electrodes that are not connected");
         self.run_timers_and_check_pulses();
         let timers = self.timers.as_mut().expect("timers that run");
         let model = timers.models.get_mut(preload.channel).expect("a channel that is there");
@@ -313,7 +313,7 @@ impl Board for WatchedBoard {
         if self.is_refused(refuses::COUNTING) { Err((FaultCode::TimerStopped, 0)) } else { Ok(()) }
     }
 
-    fn take_peak_acceleration_mm_per_s2(&mut self) -> Option<u32> {
+    fn take_peak_acceleration_mm_per_s2_if_sensor_exists(&mut self) -> Option<u32> {
         None
     }
 

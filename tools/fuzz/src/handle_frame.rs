@@ -104,7 +104,7 @@ impl Bench {
             }
             Step::Fault { code, detail } => {
                 let (code, now_us) = (select_board_fault_code(*code), self.board.now_us);
-                self.device.raise_fault(&mut self.board, code, u32::from(*detail), now_us);
+                self.device.switch_all_off_and_latch_fault(&mut self.board, code, u32::from(*detail), now_us);
                 assert_eq!(self.device.state(), SafetyState::Fault, "{code:?} is a fault in every state");
             }
             Step::Hardware { refuses } => self.board.refused = *refuses,
@@ -112,7 +112,12 @@ impl Bench {
             Step::Trip { code } => self.board.trip = Some((select_board_fault_code(*code), 0)),
             Step::Reopen { link } => {
                 if let Some(port) = self.ports.get_mut(*link) {
-                    self.device.handle_link_arrival(&mut self.board, port, &LinkArrival::Reopened, |_| {});
+                    self.device.handle_received_bytes_or_link_reopening(
+                        &mut self.board,
+                        port,
+                        &LinkArrival::Reopened,
+                        |_| {},
+                    );
                 }
             }
         }

@@ -73,11 +73,11 @@ impl Bench {
     pub fn new_linked_directly_to_board(link: PathBuf) -> Result<Self, Error> {
         let (device, table) = start_device()?;
         let bench = Self { device, table, link, cable: None };
-        bench.create_new_link_to(bench.device.port_path())?;
+        bench.create_symlink_to_serial_port(bench.device.port_path())?;
         Ok(bench)
     }
 
-    fn create_new_link_to(&self, path: &str) -> Result<(), Error> {
+    fn create_symlink_to_serial_port(&self, path: &str) -> Result<(), Error> {
         std::os::unix::fs::symlink(path, &self.link).map_err(Error::file_error(&self.link))
     }
 
@@ -112,7 +112,7 @@ impl Bench {
     /// [`Error::Line`], [`Error::System`].
     pub fn plug_in(&mut self) -> Result<(), Error> {
         let cable = Cable::new(self.device.port_path())?;
-        self.create_new_link_to(&cable.path)?;
+        self.create_symlink_to_serial_port(&cable.path)?;
         self.cable = Some(cable);
         Ok(())
     }
@@ -154,7 +154,7 @@ impl Bench {
 }
 
 fn start_device() -> Result<(SimDevice, PlanTable), Error> {
-    let table = build_plan_table()?;
+    let table = build_plan_table_of_starting_plate()?;
     let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
     let device = SimDevice::start_with_board_id(SimPanel::from_plan_table(&table), volts, SimBoard::ID);
     Ok((device.map_err(Error::system_error("no pseudo-terminal"))?, table))
@@ -164,13 +164,13 @@ fn start_device() -> Result<(SimDevice, PlanTable), Error> {
 ///
 /// # Errors
 /// [`Error::Scene`].
-pub fn build_plan_table() -> Result<PlanTable, Error> {
+pub fn build_plan_table_of_starting_plate() -> Result<PlanTable, Error> {
     let wrong = |error: &dyn std::fmt::Display| Error::Scene(error.to_string());
     let scene = Scene::parse("starting plate", STARTING_PLATE).map_err(|error| wrong(&error))?;
     let options = TableOptions::default();
     let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz)
         .map_err(|error| wrong(&error))?
-        .reduce(options.to_hz, &[])
+        .reduce_with_residual_shapes_of_actuators_and_points(options.to_hz, &[])
         .map_err(|error| wrong(&error))?;
     PlanTable::build(&scene, model, options).map_err(|error| wrong(&error))
 }

@@ -77,7 +77,7 @@ impl Daemon {
             let log = Arc::clone(&log);
             std::thread::spawn(move || {
                 for line in BufReader::new(stderr).lines().map_while(Result::ok) {
-                    if let Some(address) = parse_address(&line) {
+                    if let Some(address) = parse_address_if_ready_log_line(&line) {
                         let _ = found.send(address);
                     }
                     let mut log = log.lock().unwrap_or_else(PoisonError::into_inner);
@@ -155,7 +155,8 @@ impl Daemon {
     pub fn await_device(&self) -> Result<(), Error> {
         let (mut http, begun) = (Http::new(Endpoint::Tcp(self.address)), Instant::now());
         while begun.elapsed() < START {
-            if http.get("/v1/state").is_ok_and(|answer| answer.parse_json()["device"]["connected"] == true) {
+            if http.get("/v1/state").is_ok_and(|answer| answer.parse_json_body_or_null()["device"]["connected"] == true)
+            {
                 return Ok(());
             }
             std::thread::sleep(Duration::from_millis(50));
@@ -171,7 +172,7 @@ impl Drop for Daemon {
 }
 
 /// The address in the line of the log that says that it serves.
-fn parse_address(line: &str) -> Option<SocketAddr> {
+fn parse_address_if_ready_log_line(line: &str) -> Option<SocketAddr> {
     let (_, rest) = line.split_once("ready after ")?;
     let (_, rest) = rest.split_once("http://")?;
     rest.split([',', ' ']).next()?.parse().ok()
@@ -234,7 +235,7 @@ mod tests {
     fn the_address_is_read_from_the_log() {
         let line =
             "INFO era::cli::serve: ready after 0.1 s: open http://127.0.0.1:4711, unix:/tmp/a (scene x, device sim)";
-        assert_eq!(parse_address(line), "127.0.0.1:4711".parse().ok());
-        assert_eq!(parse_address("open http://127.0.0.1:4711"), None);
+        assert_eq!(parse_address_if_ready_log_line(line), "127.0.0.1:4711".parse().ok());
+        assert_eq!(parse_address_if_ready_log_line("open http://127.0.0.1:4711"), None);
     }
 }

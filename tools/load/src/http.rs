@@ -43,7 +43,7 @@ pub struct Answer {
 impl Answer {
     /// The body as JSON; `null` if it is none.
     #[must_use]
-    pub fn parse_json(&self) -> Value {
+    pub fn parse_json_body_or_null(&self) -> Value {
         serde_json::from_slice(&self.body).unwrap_or(Value::Null)
     }
 }

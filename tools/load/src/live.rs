@@ -64,7 +64,7 @@ impl Live {
     ///
     /// # Errors
     /// What went wrong, for people.
-    pub fn read_until(&mut self, until: Instant) -> Result<Option<Value>, String> {
+    pub fn read_one_json_message_if_any_until(&mut self, until: Instant) -> Result<Option<Value>, String> {
         use std::io::ErrorKind::{TimedOut, WouldBlock};
         let left = until.saturating_duration_since(Instant::now());
         // None at all would mean no end.
@@ -80,7 +80,7 @@ impl Live {
     }
 
     /// Whether the daemon has ended it, read until nothing comes for `quiet`, but no longer than for `max_messages` messages.
-    pub fn is_closed_by_daemon(&mut self, quiet: Duration, max_messages: usize) -> bool {
+    pub fn is_closed_by_daemon_reading_until_quiet(&mut self, quiet: Duration, max_messages: usize) -> bool {
         // A socket that cannot be set up is none.
         if self.0.get_ref().set_read_timeout(Some(quiet)).is_err() {
             return true;

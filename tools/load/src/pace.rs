@@ -29,7 +29,7 @@ const FEWEST: f64 = 300.0;
 /// Touches a second up to which the echo has its load at the same time, half way between two touches, so that both meet the same
 /// disturbances of the machine; of more the daemon's load would be another one.
 const BESIDE: f64 = 10.0;
-/// How often a load is put on at most where the machine was disturbed ([`LoadRow::describe_disturbance`]). The last try counts, disturbed or not.
+/// How often a load is put on at most where the machine was disturbed ([`LoadRow::describe_machine_disturbance_if_echo_was_slow`]). The last try counts, disturbed or not.
 const TRIES: usize = 3;
 /// Stops under each load, ...
 const STOPS: u32 = 10;
@@ -199,7 +199,11 @@ pub fn measure_touch_latency(options: &Options) -> Result<(), Error> {
     for transport in Transport::ALL {
         for rate in &options.rates {
             rows.push(repeat_disturbed_measurement_and_keep_last_try(|| {
-                measurement.measure_load_row(transport, *rate, options.seconds.max(FEWEST / rate))
+                measurement.measure_and_print_touches_echo_and_stops_at_rate(
+                    transport,
+                    *rate,
+                    options.seconds.max(FEWEST / rate),
+                )
             })?);
         }
         measurement.measure_and_print_touches_on_fresh_connections(transport)?;
@@ -267,7 +271,12 @@ impl Measurement {
         })
     }
 
-    fn measure_load_row(&self, transport: Transport, rate: f64, seconds: f64) -> Result<LoadRow, Error> {
+    fn measure_and_print_touches_echo_and_stops_at_rate(
+        &self,
+        transport: Transport,
+        rate: f64,
+        seconds: f64,
+    ) -> Result<LoadRow, Error> {
         std::thread::sleep(REST);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
         let most = (rate * seconds).ceil() as usize * FRAMES_PER_TOUCH;
@@ -374,7 +383,7 @@ fn repeat_disturbed_measurement_and_keep_last_try(
     mut measure: impl FnMut() -> Result<LoadRow, Error>,
 ) -> Result<LoadRow, Error> {
     let mut row = measure()?;
-    while let Some(why) = row.describe_disturbance() {
+    while let Some(why) = row.describe_machine_disturbance_if_echo_was_slow() {
         println!("  {why}");
         if row.tries >= TRIES || !row.was_every_touch_driven_or_overtaken() {
             break;

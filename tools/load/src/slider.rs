@@ -89,7 +89,7 @@ pub fn measure_slider_latency(options: &Options) -> Result<(), Error> {
             peaks_g.extend(peaks_now_g);
         }
         let frames = control.stop_recording_and_take_recorded_frames();
-        let waits = find_waits_until_first_windows(&sent, &frames);
+        let waits = find_wait_from_each_send_to_click_windows_before_next_send(&sent, &frames);
         let mut times = Times::default();
         for wait in &waits {
             match wait {
@@ -107,7 +107,8 @@ pub fn measure_slider_latency(options: &Options) -> Result<(), Error> {
             format!("{least_g:.3} g")
         );
         let late = waits.iter().enumerate().filter(|(_, wait)| wait.is_none_or(|wait| wait > LATE));
-        let late: Vec<String> = late.map(|(detent, wait)| describe_wait(detent, *wait)).collect();
+        let late: Vec<String> =
+            late.map(|(detent, wait)| describe_delay_until_click_of_detent(detent, *wait)).collect();
         if let Some(late) = late.get(..late.len().min(10)).filter(|late| !late.is_empty()) {
             println!("  late: {}", late.join(", "));
         }
@@ -158,7 +159,10 @@ fn slide_and_list_detent_send_times_and_peaks_g(
 
 /// From each message to the first window of the click that the board has accepted before the next message with a detent; `None` where there is
 /// none.
-fn find_waits_until_first_windows(sent: &[Instant], frames: &[DriveFrame]) -> Vec<Option<Duration>> {
+fn find_wait_from_each_send_to_click_windows_before_next_send(
+    sent: &[Instant],
+    frames: &[DriveFrame],
+) -> Vec<Option<Duration>> {
     let find_wait = |(detent, at): (usize, &Instant)| {
         let next = sent.get(detent + 1);
         let own = frames.iter().filter(|frame| frame.at >= *at && next.is_none_or(|next| frame.at < *next));
@@ -167,7 +171,7 @@ fn find_waits_until_first_windows(sent: &[Instant], frames: &[DriveFrame]) -> Ve
     sent.iter().enumerate().map(find_wait).collect()
 }
 
-fn describe_wait(detent: usize, wait: Option<Duration>) -> String {
+fn describe_delay_until_click_of_detent(detent: usize, wait: Option<Duration>) -> String {
     let wait = wait.map_or_else(|| "not played".to_owned(), |wait| format!("{:.1} ms", wait.as_secs_f64() * 1e3));
     format!("detent {} {wait}", detent + 1)
 }
@@ -187,7 +191,7 @@ mod tests {
             windows_begin_after: (window_count > 0).then_some(Duration::ZERO),
         };
         let frames = [frame(1, 0), frame(3, 5), frame(4, 5), frame(27, 5)];
-        let waits = find_waits_until_first_windows(&[at(0), at(10), at(20)], &frames);
+        let waits = find_wait_from_each_send_to_click_windows_before_next_send(&[at(0), at(10), at(20)], &frames);
         assert_eq!(waits, [Some(Duration::from_millis(3)), None, Some(Duration::from_millis(7))]);
     }
 }

@@ -30,13 +30,13 @@ impl Times {
 
     /// How many are longer than so many ms.
     #[must_use]
-    pub fn count_longer_than(&self, limit_ms: f64) -> usize {
+    pub fn count_missing_or_longer_than(&self, limit_ms: f64) -> usize {
         self.0.iter().filter(|time| **time > limit_ms).count()
     }
 
     /// The longest in ms; infinite if one is missing.
     #[must_use]
-    pub fn longest_ms(&self) -> Option<f64> {
+    pub fn longest_counting_missing_as_infinite_ms(&self) -> Option<f64> {
         self.0.iter().copied().max_by(f64::total_cmp)
     }
 
@@ -54,7 +54,7 @@ impl Times {
         let all = [
             self.percentile_counting_missing_as_infinite_ms(50),
             self.percentile_counting_missing_as_infinite_ms(99),
-            self.longest_ms(),
+            self.longest_counting_missing_as_infinite_ms(),
         ];
         let [Some(median), Some(p99), Some(longest)] = all else { return "-".into() };
         format!(
@@ -84,7 +84,10 @@ mod tests {
             times.add_time(Duration::from_millis(ms));
         }
         assert_eq!(times.describe_median_p99_and_longest(), "100.00 / 198.00 / 199.00 ms");
-        assert_eq!((times.count_longer_than(197.5), times.longest_ms()), (2, Some(199.0)));
+        assert_eq!(
+            (times.count_missing_or_longer_than(197.5), times.longest_counting_missing_as_infinite_ms()),
+            (2, Some(199.0))
+        );
     }
 
     /// Two of a hundred that never came are more than one percent.

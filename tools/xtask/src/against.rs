@@ -31,7 +31,14 @@ pub fn compare_planner_times_with_revision(revision: &str) -> Result<(), Error> 
     let (before, after) =
         (build_and_run_planner_benchmark_of_checkout(&other)?, build_and_run_planner_benchmark_of_checkout(&root)?);
     git(&["worktree", "remove", "--force", &path])?;
-    print!("{}", format_comparison(revision, &parse_rows(&before), &parse_rows(&after)));
+    print!(
+        "{}",
+        format_comparison(
+            revision,
+            &parse_rows_of_time_per_plan_table(&before),
+            &parse_rows_of_time_per_plan_table(&after)
+        )
+    );
     Ok(())
 }
 
@@ -52,7 +59,7 @@ struct Row {
 }
 
 /// The rows of the table in a measurement's text, where columns are two spaces apart at least.
-fn parse_rows(text: &str) -> Vec<Row> {
+fn parse_rows_of_time_per_plan_table(text: &str) -> Vec<Row> {
     let cells = |line: &str| -> Vec<String> {
         line.split("  ").map(str::trim).filter(|cell| !cell.is_empty()).map(str::to_owned).collect()
     };
@@ -63,13 +70,13 @@ fn parse_rows(text: &str) -> Vec<Row> {
     let row = |cells: Vec<String>| {
         let cell = |name: &str| place(name).and_then(|at| cells.get(at));
         let name = NAMES.iter().filter_map(|name| cell(name)).cloned().collect::<Vec<_>>().join(", ");
-        Row { name, seconds: FIGURES.iter().map(|figure| parse_seconds(cell(figure)?)).collect() }
+        Row { name, seconds: FIGURES.iter().map(|figure| parse_time_with_unit_as_seconds(cell(figure)?)).collect() }
     };
     lines.map(row).collect()
 }
 
 /// A time as the measuring program prints it.
-fn parse_seconds(cell: &str) -> Option<f64> {
+fn parse_time_with_unit_as_seconds(cell: &str) -> Option<f64> {
     let (number, unit) = cell.split_once(' ')?;
     let scale = match unit {
         "s" => 1.0,
@@ -109,7 +116,7 @@ mod tests {
 
     #[test]
     fn rows_are_read_with_their_units() {
-        let read = parse_rows(TEXT);
+        let read = parse_rows_of_time_per_plan_table(TEXT);
         assert_eq!(read.len(), 2);
         assert_eq!(read[0].name, "1, 0.05 to 0.5 g");
         let near = |value: Option<f64>, wanted: f64| (value.unwrap() / wanted - 1.0).abs() < 1e-12;
@@ -118,9 +125,9 @@ mod tests {
 
     #[test]
     fn ratios_are_new_over_old_and_rows_that_only_one_has_stay() {
-        let mut after = parse_rows(TEXT);
+        let mut after = parse_rows_of_time_per_plan_table(TEXT);
         after[0].seconds[0] = Some(74e-6);
-        let text = format_comparison("v0", &parse_rows(TEXT)[..1], &after);
+        let text = format_comparison("v0", &parse_rows_of_time_per_plan_table(TEXT)[..1], &after);
         assert!(text.contains("median    148     74  0.50"), "{text}");
         assert!(text.lines().last().unwrap().contains("median      -   5120     -"), "{text}");
     }

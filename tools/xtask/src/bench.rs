@@ -3,7 +3,7 @@
 
 use crate::error::Error;
 use crate::process::run_command;
-use crate::release_build::build_programs;
+use crate::release_build::build_release_programs_by_package_and_binary_name;
 use crate::repository_root;
 use clap::Args;
 use std::ffi::OsString;
@@ -32,7 +32,7 @@ pub fn run_benchmark(options: &Options) -> Result<(), Error> {
         return crate::start::measure_daemon_starts(&options.arguments);
     }
     if options.arguments.first().is_some_and(|what| ["daemon", "costs", "slider"].iter().any(|own| what == own)) {
-        return crate::load::run_load(&options.arguments);
+        return crate::load::build_and_run_load_program(&options.arguments);
     }
     if let [what, option, revision] = options.arguments.as_slice()
         && what == "planner"
@@ -44,6 +44,6 @@ pub fn run_benchmark(options: &Options) -> Result<(), Error> {
     // What reads effect files is the program itself.
     let reads_files = options.arguments.first().is_some_and(|what| what == "imports");
     let programs = [("era-bench", "era-bench"), ("era-host", "era")];
-    build_programs(&root, if reads_files { &programs } else { &programs[..1] })?;
+    build_release_programs_by_package_and_binary_name(&root, if reads_files { &programs } else { &programs[..1] })?;
     run_command(Command::new(root.join("target/release/era-bench")).args(&options.arguments))
 }

@@ -29,14 +29,16 @@ pub struct TestOptions {
 /// [`Error::Missing`] before anything is run, or the first step that failed.
 pub fn run_tests(options: &TestOptions) -> Result<(), Error> {
     setup::install_missing_needs("cargo xtask test", setup::TEST)?;
-    if options.board { run_board_steps() } else { run_test_steps() }
+    if options.board { run_waveform_emulated_board_and_mutation_steps() } else { run_test_steps() }
 }
 
 /// What checks the board's code and needs no program of the host.
-fn run_board_steps() -> Result<(), Error> {
+fn run_waveform_emulated_board_and_mutation_steps() -> Result<(), Error> {
     run_step("waveforms", || waveforms::check_waveforms(&waveforms::Options::default()))?;
     run_step("report from the emulated board", emulate::run_emulator_self_test_and_board_report)?;
-    run_step("planted mistakes", || mutate::run_mutation_tests(&mutate::Options::some(10)))
+    run_step("planted mistakes", || {
+        mutate::run_mutation_tests(&mutate::Options::for_sample_of_shared_crate_mutations(10))
+    })
 }
 
 /// A developer command in a process of its own beside other steps, which leaves a processor idle for part of its time. It writes into a file, which is
@@ -48,7 +50,7 @@ struct CommandBeside {
 }
 
 impl CommandBeside {
-    /// [`run_board_steps`]: they wait for the emulated board half of the time.
+    /// [`run_waveform_emulated_board_and_mutation_steps`]: they wait for the emulated board half of the time.
     const BOARD_STEPS: &[&str] = &["test", "--board"];
     /// The firmware's image with its budget: the last crates and the links need one processor.
     const FIRMWARE_BUDGET: &[&str] = &["firmware", "--budget"];
@@ -92,11 +94,14 @@ fn run_test_steps() -> Result<(), Error> {
     run_step("board, beside that build", || board.await_end_and_show_output())?;
     built?;
     run_step("tests", || run_command(cargo_command(&root).args(tests)))?;
-    run_step("Python package", python::run_package_tests)?;
+    run_step("Python package", python::build_and_install_wheel_and_run_python_tests)?;
     run_step("advisories", dependencies::check_advisories_if_database_present)?;
     run_step("independent reference: its own tests", crosscheck::run_own_tests_of_python_reference)?;
-    run_step("independent reference: random scenes", crosscheck::compare_random_scenes)?;
-    run_step("independent reference: clicks of the firmware", crosscheck::compare_clicks_on_emulated_board)
+    run_step("independent reference: random scenes", crosscheck::compare_random_scenes_with_python_reference)?;
+    run_step(
+        "independent reference: clicks of the firmware",
+        crosscheck::compare_emulated_board_clicks_with_python_reference,
+    )
 }
 
 /// Formatting, lints, documentation and dependencies of both workspaces, then [`run_tests()`].
@@ -126,7 +131,7 @@ pub fn run_ci_checks() -> Result<(), Error> {
     run_step("firmware image, budgets, beside the lints", || budget.await_end_and_show_output())?;
     linted?;
     run_step("lints of the firmware", || image::run_firmware_cargo("clippy", &["--", "-D", "warnings"]))?;
-    run_step("circles of imports", house::survey_crates_failing_on_import_cycles)?;
+    run_step("circles of imports", house::survey_crates_failing_on_import_cycles_or_folder_order)?;
     run_step("documentation", || {
         run_command(
             cargo_command(&root)

@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::process::run_command;
-use crate::release_build::build_programs;
+use crate::release_build::build_release_programs_by_package_and_binary_name;
 use crate::{image, repository_root, setup};
 use clap::Args;
 use std::path::PathBuf;
@@ -74,7 +74,7 @@ pub fn run_crosscheck(options: &Options) -> Result<(), Error> {
     }
     let flags = [("--prove", options.prove), ("--verbose", options.verbose)];
     arguments.extend(flags.iter().filter(|(_, set)| *set).map(|(name, _)| (*name).to_owned()));
-    build_programs(&repository_root()?, &[("era-host", "era")])?;
+    build_release_programs_by_package_and_binary_name(&repository_root()?, &[("era-host", "era")])?;
     run_scene_comparison(&arguments)
 }
 
@@ -90,7 +90,7 @@ pub fn run_own_tests_of_python_reference() -> Result<(), Error> {
 ///
 /// # Errors
 /// As [`run_crosscheck`].
-pub fn compare_random_scenes() -> Result<(), Error> {
+pub fn compare_random_scenes_with_python_reference() -> Result<(), Error> {
     run_scene_comparison(&["--scenes".to_owned(), SCENES_AMONG_TESTS.to_string()])
 }
 
@@ -98,7 +98,7 @@ pub fn compare_random_scenes() -> Result<(), Error> {
 ///
 /// # Errors
 /// As [`run_crosscheck`].
-pub fn compare_clicks_on_emulated_board() -> Result<(), Error> {
+pub fn compare_emulated_board_clicks_with_python_reference() -> Result<(), Error> {
     let image = image::build_image_and_return_target_source(false)?.0;
     let clicks = CLICKS_AMONG_TESTS.to_string();
     let words = ["--part", "clicks", "--scene", "examples/scenes/plate.toml", "--scenes", &clicks, "--elf"];

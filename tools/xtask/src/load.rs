@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::process::run_command;
-use crate::release_build::build_programs;
+use crate::release_build::build_release_programs_by_package_and_binary_name;
 use crate::repository_root;
 use clap::Args;
 use std::ffi::OsString;
@@ -31,15 +31,15 @@ pub fn run_soak(options: &Options) -> Result<(), Error> {
     let mut arguments: Vec<OsString> =
         ["soak", "--minutes", &minutes, "--seed", &seed].into_iter().map(Into::into).collect();
     arguments.extend(options.faults.then(|| "--faults".into()));
-    run_load(&arguments)
+    build_and_run_load_program(&arguments)
 }
 
 /// Builds both programs and runs the load.
 ///
 /// # Errors
 /// As [`run_soak`].
-pub fn run_load(arguments: &[OsString]) -> Result<(), Error> {
+pub fn build_and_run_load_program(arguments: &[OsString]) -> Result<(), Error> {
     let root = repository_root()?;
-    build_programs(&root, &[("era-host", "era"), ("era-load", "era-load")])?;
+    build_release_programs_by_package_and_binary_name(&root, &[("era-host", "era"), ("era-load", "era-load")])?;
     run_command(Command::new(root.join("target/release/era-load")).current_dir(&root).args(arguments))
 }

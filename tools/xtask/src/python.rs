@@ -4,7 +4,7 @@
 
 use crate::error::{Error, file_error};
 use crate::process::run_command;
-use crate::release_build::build_programs;
+use crate::release_build::build_release_programs_by_package_and_binary_name;
 use crate::{repository_root, setup};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -19,15 +19,15 @@ const PACKAGE: &str = "host/python";
 pub fn check_python_package() -> Result<(), Error> {
     setup::install_missing_needs("cargo xtask python", setup::PYTHON)?;
     let root = repository_root()?;
-    build_programs(&root, &[("era-host", "era")])?;
-    run_package_tests()
+    build_release_programs_by_package_and_binary_name(&root, &[("era-host", "era")])?;
+    build_and_install_wheel_and_run_python_tests()
 }
 
 /// The same beside the program of the workspace's tests.
 ///
 /// # Errors
 /// As [`check_python_package`].
-pub fn run_package_tests() -> Result<(), Error> {
+pub fn build_and_install_wheel_and_run_python_tests() -> Result<(), Error> {
     let root = repository_root()?;
     let folder = root.join(PACKAGE);
     let python = ensure_package_environment_and_find_interpreter(&root)?;

@@ -13,7 +13,7 @@ const SAME_FEATURES: [&str; 6] = ["-p", "era-host", "-p", "era-python", "-p", "w
 ///
 /// # Errors
 /// [`Error::Start`], [`Error::Failed`].
-pub fn build_programs(root: &Path, programs: &[(&str, &str)]) -> Result<(), Error> {
+pub fn build_release_programs_by_package_and_binary_name(root: &Path, programs: &[(&str, &str)]) -> Result<(), Error> {
     let mut build = Command::new("cargo");
     build.current_dir(root).args(["build", "--release", "--quiet"]).args(SAME_FEATURES);
     for (package, program) in programs {

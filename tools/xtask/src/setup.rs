@@ -139,14 +139,18 @@ trait Machine {
 ///
 /// # Errors
 /// [`Error::Missing`] with all that is missing and how to install it.
-pub fn install_missing_needs(command: &str, needs: &[Need]) -> Result<(), Error> {
-    install_missing_needs_on_machine(&ThisMachine, command, needs)
+pub fn install_missing_needs(needing_command: &str, needs: &[Need]) -> Result<(), Error> {
+    install_missing_needs_on_machine(&ThisMachine, needing_command, needs)
 }
 
-fn install_missing_needs_on_machine(machine: &impl Machine, command: &str, needs: &[Need]) -> Result<(), Error> {
+fn install_missing_needs_on_machine(
+    machine: &impl Machine,
+    needing_command: &str,
+    needs: &[Need],
+) -> Result<(), Error> {
     let missing = |needs: &[Need]| needs.iter().copied().filter(|need| !machine.is_need_met(*need)).collect::<Vec<_>>();
     let first = missing(needs);
-    let packages = list_missing_packages(&first);
+    let packages = list_debian_packages_of_needs(&first);
     let rights = machine.find_install_rights();
     let mut reasons = Vec::new();
     if !packages.is_empty() && machine.has_apt() && rights != InstallRights::None {
@@ -167,12 +171,12 @@ fn install_missing_needs_on_machine(machine: &impl Machine, command: &str, needs
         return Ok(());
     }
     Err(Error::Missing {
-        command: command.to_owned(),
+        command: needing_command.to_owned(),
         list: format_missing_needs(&still, &reasons, machine.has_apt(), rights),
     })
 }
 
-fn list_missing_packages(missing: &[Need]) -> Vec<&'static str> {
+fn list_debian_packages_of_needs(missing: &[Need]) -> Vec<&'static str> {
     missing.iter().flat_map(|need| need.debian_packages()).copied().collect()
 }
 
@@ -185,7 +189,7 @@ fn format_missing_needs(missing: &[Need], reasons: &[String], has_apt: bool, rig
     for reason in reasons {
         let _ = write!(text, "\n(the installation failed: {reason})");
     }
-    let packages = list_missing_packages(missing);
+    let packages = list_debian_packages_of_needs(missing);
     let mut commands = Vec::new();
     if !packages.is_empty() {
         let sudo = if rights == InstallRights::Root { "" } else { "sudo " };

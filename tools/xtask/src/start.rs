@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::process::format_command;
-use crate::release_build::build_programs;
+use crate::release_build::build_release_programs_by_package_and_binary_name;
 use crate::repository_root;
 use clap::Parser;
 use std::io::{BufRead, BufReader};
@@ -47,7 +47,7 @@ struct FirstPlanTimes {
 pub fn measure_daemon_starts(arguments: &[std::ffi::OsString]) -> Result<(), Error> {
     let options = Options::parse_from(arguments);
     let root = repository_root()?;
-    build_programs(&root, &[("era-host", "era")])?;
+    build_release_programs_by_package_and_binary_name(&root, &[("era-host", "era")])?;
     let scenes = if options.scenes.is_empty() { list_example_scenes(&root)? } else { options.scenes };
     let cache = root.join("target/bench-start");
     println!(

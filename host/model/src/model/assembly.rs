@@ -96,7 +96,7 @@ impl AttachedVectors {
         let mut parts =
             AttachmentBuilder { grid, unknowns: grid.free, attachments: Vec::new(), moving_masses: Vec::new() };
         for attached in supports_and_masses(scene) {
-            parts.add_attached_returning_travel_vector(&attached);
+            parts.add_point_attachment_with_suspended_mass_returning_travel(&attached);
         }
         let without_actuators = parts.attachments.len();
         let actuators = actuator_attachments(scene)
@@ -208,7 +208,7 @@ fn build_sealed_air_spring(grid: &Grid, stiffness_n_per_m: f64) -> Attachment {
 fn cell_lengths_and_integrals_of_their_functions(grid: &Grid, lines: &GridLines) -> Vec<(f64, Vec<f64>)> {
     let (rule, element) = (
         gauss_legendre_rule_on_unit_interval(grid.element.element_order()),
-        grid.choose_rigid_element_for_strip_else_ordinary(lines),
+        grid.choose_element_with_rigid_body_functions_for_strip_else_ordinary(lines),
     );
     let cells = lines.at.windows(2).zip(lines.scale.windows(2)).map(|(at, scale)| {
         let length = at[1] - at[0];
@@ -244,7 +244,8 @@ fn compute_cell_matrices(grid: &Grid, lines: &GridLines) -> Vec<CellMatrices> {
     let pairs = lines.at.windows(2).zip(lines.scale.windows(2));
     pairs
         .map(|(at, scale)| {
-            grid.choose_rigid_element_for_strip_else_ordinary(lines).cell_matrices(at[1] - at[0], [scale[0], scale[1]])
+            grid.choose_element_with_rigid_body_functions_for_strip_else_ordinary(lines)
+                .cell_matrices(at[1] - at[0], [scale[0], scale[1]])
         })
         .collect()
 }
@@ -303,15 +304,15 @@ fn unknowns_of_bar_cell(grid: &Grid, cell: usize) -> Vec<Option<usize>> {
 fn add_plate_cell_stiffness_and_mass(
     (x, y): (&CellMatrices, &CellMatrices),
     section: CellSection,
-    numbers: &[Option<usize>],
+    unknown_indices: &[Option<usize>],
     stiffness: &mut MatrixEntries,
     mass: &mut MatrixEntries,
 ) {
     let n = x.mass.nrows();
     let CellSection { rigidity, per_area, bending: RelativeBending { x: along_x, y: along_y, poisson, twist } } =
         section;
-    for (a, rows) in numbers.chunks_exact(n).enumerate() {
-        for (c, columns) in numbers.chunks_exact(n).enumerate() {
+    for (a, rows) in unknown_indices.chunks_exact(n).enumerate() {
+        for (c, columns) in unknown_indices.chunks_exact(n).enumerate() {
             let (bend, slope, own) = (along_x * x.bend[(a, c)], twist * x.slope[(a, c)], x.mass[(a, c)]);
             let across = along_y * own;
             let mixed = [poisson * x.mixed[(a, c)], poisson * x.mixed[(c, a)]];
@@ -411,7 +412,10 @@ impl AttachmentBuilder<'_> {
     }
 
     /// Adds something at a point; what a force between it and its other side acts on, and what the travel between them is.
-    fn add_attached_returning_travel_vector(&mut self, attached: &PointAttachment) -> Vec<(usize, f64)> {
+    fn add_point_attachment_with_suspended_mass_returning_travel(
+        &mut self,
+        attached: &PointAttachment,
+    ) -> Vec<(usize, f64)> {
         let (x_m, y_m) = attached.at;
         let surface = self.grid.deflection_row_of_attachment(x_m, y_m);
         self.add_attachment_unless_without_effect(Attachment {
@@ -460,7 +464,7 @@ impl AttachmentBuilder<'_> {
         if attached.carried.is_some() {
             self.moving_masses.push((self.unknowns, index));
         }
-        let between = self.add_attached_returning_travel_vector(attached);
+        let between = self.add_point_attachment_with_suspended_mass_returning_travel(attached);
         ActuatorVectors { force: between.clone(), travel: between }
     }
 }

@@ -123,7 +123,7 @@ pub enum ComparedValues {
 }
 
 /// Order of the first level whose bound is looked at.
-fn choose_order_of_first_bounded_level(scene: &Scene, accuracy: Accuracy, values: ComparedValues) -> usize {
+fn choose_element_order_of_first_bounded_level(scene: &Scene, accuracy: Accuracy, values: ComparedValues) -> usize {
     // Loose enough for order 9: of frequencies, and of responses.
     let (frequencies, responses) = (1e-3, 1e-2);
     if accuracy.time_limit().is_some() {
@@ -148,7 +148,7 @@ pub fn answer_with_error_bounds<Q: RefinableQuestion>(
     accuracy: Accuracy,
     max_hz: f64,
 ) -> Result<BoundedAnswer<Q::Answer>, Q::Error> {
-    let first = choose_order_of_first_bounded_level(scene, accuracy, question.kind_of_compared_values());
+    let first = choose_element_order_of_first_bounded_level(scene, accuracy, question.kind_of_compared_values());
     let mut ladder = Ladder {
         question,
         scene,

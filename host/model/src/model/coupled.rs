@@ -146,7 +146,7 @@ impl BarePanel {
         self.modes.lambda.len()
     }
 
-    /// The reduced model of `scene`: as [`PanelModel::reduce`] makes it, for the frequencies and with the units of that.
+    /// The reduced model of `scene`: as [`PanelModel::reduce_with_residual_shapes_of_actuators_and_points`] makes it, for the frequencies and with the units of that.
     ///
     /// # Errors
     /// [`ModelError::OtherPanel`] if its surface, patches, cut-outs or edges are not this panel's; [`ModelError::Factorisation`] if
@@ -165,13 +165,15 @@ impl BarePanel {
         let size = modes + residual + carried + local.ncols();
         // What elements miss where a force acts: an unknown of its own at each place.
         for vector in attached.all_vectors_mut() {
-            let own = find_load_index_of_vector(&basis.loads, vector, free);
+            let own = find_index_of_load_with_same_surface_entries(&basis.loads, vector, free);
             vector.extend(own.map(|k| (free + carried + k, 1.0)));
         }
         attached.unknowns += basis.loads.len();
         let along = |vector: &SparseVector| {
             let mut out = DVector::zeros(size);
-            if let Some(load) = find_load_index_of_vector(&basis.loads, vector, free).map(|k| &basis.loads[k]) {
+            if let Some(load) =
+                find_index_of_load_with_same_surface_entries(&basis.loads, vector, free).map(|k| &basis.loads[k])
+            {
                 out.rows_mut(0, modes).copy_from(&load.modes);
                 out.rows_mut(modes, residual).copy_from(&basis.residual_shape_deflections_at_load(load));
             }
@@ -300,7 +302,7 @@ impl BarePanel {
         }
         let mut loads = DMatrix::zeros(lower_free, n);
         for (own, below) in attached.attachments.iter().zip(&lower.attachments).filter(|(own, _)| !own.is_slope) {
-            if let Some(k) = find_load_index_of_vector(load_shapes, &own.vector, free) {
+            if let Some(k) = find_index_of_load_with_same_surface_entries(load_shapes, &own.vector, free) {
                 loads.column_mut(k).fill(0.0);
                 let on_surface = below.vector.iter().filter(|(unknown, _)| *unknown < lower_free);
                 on_surface.for_each(|(unknown, value)| loads[(*unknown, k)] = *value);
@@ -342,10 +344,10 @@ impl BarePanel {
     fn total_static_flexibility_at_surface_load_or_zero(
         &self,
         vector: &SparseVector,
-        free: usize,
+        surface_unknown_count: usize,
         basis: &ResidualBasis,
     ) -> f64 {
-        find_load_index_of_vector(&basis.loads, vector, free)
+        find_index_of_load_with_same_surface_entries(&basis.loads, vector, surface_unknown_count)
             .map_or(0.0, |k| self.static_deflection_at_one_load_under_other(&basis.loads[k], &basis.loads[k]))
     }
 
@@ -353,11 +355,11 @@ impl BarePanel {
     fn collect_distinct_load_shapes_of_attachments_and_edges(
         &self,
         attachments: &[Attachment],
-        free: usize,
+        surface_unknown_count: usize,
     ) -> Vec<Arc<LoadShapes>> {
         let mut out: Vec<Arc<LoadShapes>> = Vec::new();
         let on_surface = |attachment: &Attachment| -> SparseVector {
-            attachment.vector.iter().copied().filter(|(unknown, _)| *unknown < free).collect()
+            attachment.vector.iter().copied().filter(|(unknown, _)| *unknown < surface_unknown_count).collect()
         };
         for load in attachments.iter().map(on_surface).chain(self.along_edges.iter().cloned()) {
             if !load.is_empty() && out.iter().all(|other| other.load != load) {
@@ -449,19 +451,27 @@ fn list_attachment_points_with_load_indices(
     grid: &Grid,
     scene: &Scene,
     loads: &[Arc<LoadShapes>],
-    free: usize,
+    surface_unknown_count: usize,
 ) -> Vec<((f64, f64), usize)> {
     let mut points: Vec<((f64, f64), usize)> = Vec::new();
     for PointAttachment { at: (x_m, y_m), .. } in supports_and_masses(scene).chain(actuator_attachments(scene)) {
-        let load = find_load_index_of_vector(loads, &grid.deflection_row_of_attachment(x_m, y_m), free);
+        let load = find_index_of_load_with_same_surface_entries(
+            loads,
+            &grid.deflection_row_of_attachment(x_m, y_m),
+            surface_unknown_count,
+        );
         points.extend(load.map(|load| ((x_m, y_m), load)).filter(|found| !points.contains(found)));
     }
     points
 }
 
 /// Index of the load that pushes the surface like this vector; `None` if there is no such load.
-fn find_load_index_of_vector(loads: &[Arc<LoadShapes>], vector: &SparseVector, free: usize) -> Option<usize> {
-    let on_surface = || vector.iter().filter(|(unknown, _)| *unknown < free);
+fn find_index_of_load_with_same_surface_entries(
+    loads: &[Arc<LoadShapes>],
+    vector: &SparseVector,
+    surface_unknown_count: usize,
+) -> Option<usize> {
+    let on_surface = || vector.iter().filter(|(unknown, _)| *unknown < surface_unknown_count);
     loads.iter().position(|load| load.load.iter().eq(on_surface()))
 }
 

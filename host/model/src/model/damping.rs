@@ -313,12 +313,12 @@ fn compute_modal_ratio_damping_without_actuators(
 fn weighted_geometric_mean_of_matrices(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
-    largest_diagonal: &[f64],
-    weight: impl Fn(f64) -> f64,
+    upper_bound_diagonal_of_b: &[f64],
+    weight_of_generalised_eigenvalue: impl Fn(f64) -> f64,
 ) -> DMatrix<f64> {
     let n = a.nrows();
-    let Some(between) = median_of_positive_if_any(largest_diagonal) else { return DMatrix::zeros(n, n) };
-    let scale: Vec<f64> = largest_diagonal.iter().map(|lambda| (lambda + between).sqrt()).collect();
+    let Some(between) = median_of_positive_if_any(upper_bound_diagonal_of_b) else { return DMatrix::zeros(n, n) };
+    let scale: Vec<f64> = upper_bound_diagonal_of_b.iter().map(|lambda| (lambda + between).sqrt()).collect();
     let scaled = |value: &dyn Fn(usize, usize) -> f64| {
         DMatrix::from_fn(n, n, |i, j| 0.5 * (value(i, j) + value(j, i)) / (scale[i] * scale[j]))
     };
@@ -338,7 +338,7 @@ fn weighted_geometric_mean_of_matrices(
         let part = part.clamp(0.0, 1.0);
         // Infinite where there is no mass, which has no part in the product.
         let lambda = between * (1.0 - part) / part.max(f64::MIN_POSITIVE);
-        weight(lambda) * (part * (1.0 - part) / between).sqrt()
+        weight_of_generalised_eigenvalue(lambda) * (part * (1.0 - part) / between).sqrt()
     });
     let middle = &of_a.eigenvectors * DMatrix::from_diagonal(&root) * of_a.eigenvectors.transpose();
     let half = DMatrix::from_diagonal(&DVector::from_vec(scale)) * axes * DMatrix::from_diagonal(&lengths);

@@ -41,7 +41,7 @@ impl EdgeStiffnessScale {
         let surface = &scene.surface;
         let is_plate = surface.kind == SurfaceKind::Plate;
         let length = if is_plate { surface.length_m.min(surface.width_m) } else { surface.length_m };
-        let waves = WaveRigidities::from_scene(scene);
+        let waves = WaveRigidities::find_extremes_and_mean_over_layers_of_scene(scene);
         Self { is_plate, rigidity: waves.softest, stiffest: waves.stiffest, length }
     }
 

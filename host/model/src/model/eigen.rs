@@ -81,7 +81,9 @@ pub fn extend_known_modes_up_to(
             next_check = (size + (size / 8).max(2 * BLOCK)).max(2 * found + 2 * BLOCK);
             // In all of the space nothing is left to converge to.
             let is_whole = next.vectors.ncols() == 0 || size >= n - known.lambda.len();
-            if ended && is_whole || are_ritz_values_converged_down_to(&eigen, &next.coupling, theta_min) {
+            if ended && is_whole
+                || are_ritz_values_down_to_converged_and_one_is_below(&eigen, &next.coupling, theta_min)
+            {
                 return Ok(space.extract_modes_up_to(&eigen, known, lambda_max));
             }
             if ended {
@@ -109,7 +111,11 @@ fn pseudo_random_start_block(row_count: usize) -> DMatrix<f64> {
 
 /// Whether every Ritz value down to `theta_min` is settled, and there is one below it: nothing is missing in between.
 #[expect(clippy::cast_precision_loss, reason = "a few thousand vectors at most")]
-fn are_ritz_values_converged_down_to(eigen: &DenseEigenpairs, coupling: &DMatrix<f64>, theta_min: f64) -> bool {
+fn are_ritz_values_down_to_converged_and_one_is_below(
+    eigen: &DenseEigenpairs,
+    coupling: &DMatrix<f64>,
+    theta_min: f64,
+) -> bool {
     let size = eigen.values.len();
     let tail = coupling.ncols();
     // The dense eigenproblem is right to the rounding of its largest value: the residual of a small one gets no smaller than that.

@@ -209,7 +209,8 @@ impl DirectionQuadrature {
     fn new(grid: &Grid, lines: &GridLines, cell: usize, part: [f64; 2], rule: &[(f64, f64)]) -> Self {
         let (from, width) = (lines.at[cell], lines.at[cell + 1] - lines.at[cell]);
         let scale = [lines.scale[cell], lines.scale[cell + 1]];
-        let (length, element) = (part[1] - part[0], grid.choose_rigid_element_for_strip_else_ordinary(lines));
+        let (length, element) =
+            (part[1] - part[0], grid.choose_element_with_rigid_body_functions_for_strip_else_ordinary(lines));
         let at: Vec<f64> = rule.iter().map(|(t, _)| part[0] + t * length).collect();
         Self {
             functions: at
@@ -356,9 +357,9 @@ fn cut_cell_into_rectangles(
     bounds: Rectangle,
     centres: &[SingularCentre],
     ends: &[Vec<f64>; 2],
-    cell: f64,
+    longer_cell_side_m: f64,
 ) -> Vec<QuadratureRectangle> {
-    let finest = centres.iter().map(|centre| centre.finest).fold(cell, f64::min);
+    let finest = centres.iter().map(|centre| centre.finest).fold(longer_cell_side_m, f64::min);
     let stops = |from: f64, to: f64, at: &dyn Fn(&SingularCentre) -> f64, ends: &[f64]| {
         if from >= to {
             // A stretch of a line.
@@ -378,7 +379,7 @@ fn cut_cell_into_rectangles(
     let mut out = Vec::new();
     for y in in_y.windows(2) {
         for x in in_x.windows(2) {
-            cut_towards_singular_centres([x[0], x[1], y[0], y[1]], centres, cell, &mut out);
+            cut_towards_singular_centres([x[0], x[1], y[0], y[1]], centres, longer_cell_side_m, &mut out);
         }
     }
     out
@@ -388,7 +389,7 @@ fn cut_cell_into_rectangles(
 fn cut_towards_singular_centres(
     part: Rectangle,
     centres: &[SingularCentre],
-    cell: f64,
+    longer_cell_side_m: f64,
     parts: &mut Vec<QuadratureRectangle>,
 ) {
     let (width, height) = (part[1] - part[0], part[3] - part[2]);
@@ -400,14 +401,14 @@ fn cut_towards_singular_centres(
     };
     // The one that asks for the smallest parts, of those that ask for smaller ones than this.
     let is_large = |centre: &(f64, &SingularCentre)| {
-        largest > NEAREST * centre.0 && largest > SMALLEST * cell.min(centre.1.finest)
+        largest > NEAREST * centre.0 && largest > SMALLEST * longer_cell_side_m.min(centre.1.finest)
     };
     let all = centres.iter().map(|centre| (away(centre), centre));
     let nearest = |a: &(f64, &SingularCentre), b: &(f64, &SingularCentre)| a.0.total_cmp(&b.0);
     let Some((_, centre)) = all.clone().filter(is_large).min_by(nearest) else {
         let (distance, finest) =
             all.min_by(nearest).map_or((f64::INFINITY, f64::INFINITY), |(distance, centre)| (distance, centre.finest));
-        return parts.push(QuadratureRectangle { bounds: part, distance, cut_from: cell.min(finest) });
+        return parts.push(QuadratureRectangle { bounds: part, distance, cut_from: longer_cell_side_m.min(finest) });
     };
     let (x, y) = centre.at;
     // At a quarter from the end that is nearer to the point; a long rectangle is first cut across.
@@ -419,7 +420,7 @@ fn cut_towards_singular_centres(
     let in_y = if 2.0 * height > width { vec![[part[2], at_y], [at_y, part[3]]] } else { vec![[part[2], part[3]]] };
     for [y0, y1] in in_y {
         for [x0, x1] in &in_x {
-            cut_towards_singular_centres([*x0, *x1, y0, y1], centres, cell, parts);
+            cut_towards_singular_centres([*x0, *x1, y0, y1], centres, longer_cell_side_m, parts);
         }
     }
 }
@@ -448,14 +449,14 @@ impl EdgeSprings<'_> {
     /// Adds the edge springs' stiffness for the cells along the edge that exist.
     pub(super) fn add_stiffness_of_singular_functions_along_edge(
         &self,
-        number: impl Fn(usize, usize) -> Option<usize>,
-        is_there: impl Fn(usize) -> bool,
+        unknown_of_functions_across_and_along: impl Fn(usize, usize) -> Option<usize>,
+        is_cell_present: impl Fn(usize) -> bool,
         entries: &mut MatrixEntries,
     ) {
         let grid = self.grid;
         let n = grid.element.element_order() + 1;
         let rule = gauss_legendre_rule_on_unit_interval(n + EXTRA_POINTS);
-        for cell in (0..self.lines.count_cells()).filter(|cell| is_there(*cell)) {
+        for cell in (0..self.lines.count_cells()).filter(|cell| is_cell_present(*cell)) {
             let (from, to) = (self.lines.at[cell], self.lines.at[cell + 1]);
             let [x, y] = self.x_and_y_ranges_around_edge_section([from, to]);
             let active: Vec<(usize, &SingularFunction)> =
@@ -478,7 +479,7 @@ impl EdgeSprings<'_> {
                         &functions[0],
                         cell,
                         &active,
-                        &number,
+                        &unknown_of_functions_across_and_along,
                         entries,
                     );
                 }
@@ -502,7 +503,7 @@ impl EdgeSprings<'_> {
         functions: &[f64],
         cell: usize,
         active: &[(usize, &SingularFunction)],
-        number: &impl Fn(usize, usize) -> Option<usize>,
+        unknown_of_functions_across_and_along: &impl Fn(usize, usize) -> Option<usize>,
         entries: &mut MatrixEntries,
     ) {
         let jets: Vec<(f64, f64)> = active
@@ -519,10 +520,10 @@ impl EdgeSprings<'_> {
         for ((e, _), (value, slope)) in active.iter().zip(&jets) {
             for (a, function) in functions.iter().enumerate() {
                 let along = self.grid.function_index_along_lines(cell, a);
-                if let Some(other) = number(0, along) {
+                if let Some(other) = unknown_of_functions_across_and_along(0, along) {
                     add_value_at_entry_and_transpose(entries, *e, other, weight * self.stiffness * value * function);
                 }
-                if let Some(other) = number(1, along) {
+                if let Some(other) = unknown_of_functions_across_and_along(1, along) {
                     add_value_at_entry_and_transpose(
                         entries,
                         *e,

@@ -102,8 +102,9 @@ impl FrequencyRounding {
     pub(super) fn new(scene: &Scene, model: &PanelModel) -> Self {
         let length = scene.surface.length_m.max(scene.surface.width_m);
         // The cantilever's first mode, the slowest that `thin` was measured on: (k L)^2 = 3.52.
-        let bending_hz =
-            3.52 / (length * length) * WaveRigidities::from_scene(scene).mean.sqrt() / std::f64::consts::TAU;
+        let bending_hz = 3.52 / (length * length)
+            * WaveRigidities::find_extremes_and_mean_over_layers_of_scene(scene).mean.sqrt()
+            / std::f64::consts::TAU;
         let per_aspect =
             if model.count_mesh_parts().stiff_points > 0 { ROUNDING_PER_ASPECT_AT_POINTS } else { ROUNDING_PER_ASPECT };
         Self {
@@ -116,13 +117,13 @@ impl FrequencyRounding {
 
     /// Relative error of a frequency by rounding and by what no mesh resolves. What K is wrong by is a part of the panel's stiffness, and more of a soft spring's.
     #[must_use]
-    pub fn relative_frequency_error_beyond_mesh_at(&self, frequency_hz: f64) -> f64 {
+    pub fn relative_frequency_error_no_finer_mesh_removes_at(&self, frequency_hz: f64) -> f64 {
         self.unresolved + self.regular + self.thin * (self.bending_hz / frequency_hz).powi(2).max(1.0)
     }
 
     /// Relative error of the frequencies of modes that bend the panel.
     #[must_use]
-    pub fn relative_frequency_error_beyond_mesh_of_bending_modes(&self) -> f64 {
+    pub fn relative_frequency_error_of_bending_modes_no_finer_mesh_removes(&self) -> f64 {
         self.unresolved + self.regular + self.thin
     }
 }
@@ -177,7 +178,8 @@ impl ErrorEstimator {
             least_ratio_of_few: if singular { LEAST_RATIO_IN_STEPS } else { 0.0 },
             least_ratio_of_curves: if has_close_points { LEAST_RATIO_AT_CLOSE_POINTS } else { 0.0 },
             may_stall: has_close_points,
-            rounding: FrequencyRounding::new(scene, model).relative_frequency_error_beyond_mesh_of_bending_modes(),
+            rounding: FrequencyRounding::new(scene, model)
+                .relative_frequency_error_of_bending_modes_no_finer_mesh_removes(),
             has_point_moment: has_rotational_point_spring_on_plate(scene),
         }
     }
@@ -273,7 +275,11 @@ impl ErrorEstimator {
 
     /// The bound of a response from the relative differences of the two coarser levels and of the two finer ones.
     #[must_use]
-    pub fn response_bound_from_relative_differences(&self, previous_difference: f64, last_difference: f64) -> Bound {
+    pub fn response_error_bound_from_relative_differences(
+        &self,
+        previous_difference: f64,
+        last_difference: f64,
+    ) -> Bound {
         match RESPONSE_SAFETY
             * self.estimate_few_responses_error_bound_without_safety_factor(Some(previous_difference), last_difference)
             + SHARPEST * self.rounding
@@ -291,13 +297,17 @@ impl ErrorEstimator {
     /// Where they no longer shrink, by rounding beside heavy masses or at points near to each other, the larger one counts as the last: what is left is
     /// settled to that, and may be wrong by as much as errors fall no faster from there.
     #[must_use]
-    pub fn steady_deflection_bound_from_differences(&self, previous_difference: f64, last_difference: f64) -> Bound {
+    pub fn steady_deflection_error_bound_from_relative_differences(
+        &self,
+        previous_difference: f64,
+        last_difference: f64,
+    ) -> Bound {
         let (previous_difference, last_difference) = (SLOWER * previous_difference, SLOWER * last_difference);
         let is_stalled = last_difference > self.largest_ratio * previous_difference;
         let largest = previous_difference.max(last_difference);
-        match self.response_bound_from_relative_differences(previous_difference, last_difference) {
+        match self.response_error_bound_from_relative_differences(previous_difference, last_difference) {
             _ if is_stalled && !self.has_point_moment && largest <= SETTLED => {
-                self.response_bound_from_relative_differences(largest / self.largest_ratio, largest)
+                self.response_error_bound_from_relative_differences(largest / self.largest_ratio, largest)
             }
             Bound::Unknown(NOT_SETTLED) => Bound::Unknown(NOT_SETTLED_AT_REST),
             bound => bound,
@@ -388,15 +398,19 @@ mod tests {
     #[test]
     fn small_differences_bound_what_stands_still() {
         for may_stall in [false, true] {
-            let at_rest =
-                |before, last| of(9, may_stall).steady_deflection_bound_from_differences(before, last).limit_if_known();
+            let at_rest = |before, last| {
+                of(9, may_stall).steady_deflection_error_bound_from_relative_differences(before, last).limit_if_known()
+            };
             let [shrinking, stalled, growing] =
                 [(2e-7, 2e-8), (2e-7, 2e-7), (2e-8, 2e-7)].map(|(before, last)| at_rest(before, last).unwrap());
             assert!(shrinking < stalled && stalled <= growing, "{shrinking:e} {stalled:e} {growing:e}");
             assert!(growing > 10.0 * 2e-7 && growing < 1e-4, "{growing:e}");
             assert!(at_rest(1e-2, 9e-2).is_none(), "{may_stall}");
         }
-        let reason = of(9, true).steady_deflection_bound_from_differences(1e-2, 9e-2).reason_if_unknown().unwrap();
+        let reason = of(9, true)
+            .steady_deflection_error_bound_from_relative_differences(1e-2, 9e-2)
+            .reason_if_unknown()
+            .unwrap();
         assert!(!reason.contains("frequency"), "{reason}");
     }
 

@@ -2,7 +2,7 @@
 
 use super::fineness::Fineness;
 use super::mesh::{GridLines, MERGE};
-use super::neighbours::{PlaceClusters, distance_between_points, merge_attachments_into_places};
+use super::neighbours::{PlaceClusters, distance_between_points, merge_attachments_into_places_firmest_first};
 use super::placement::{build_singular_functions_of_attachments, cell_size_at_attachments_m, required_grid_lines};
 use super::points::{StiffPoint, StiffPointUnknowns};
 use super::sections::{CellSections, WaveRigidities};
@@ -85,13 +85,13 @@ impl Grid {
         let y = (scene.surface.kind == SurfaceKind::Plate).then_some(y);
         let (element, straight) = (
             CellElement::new(fineness.order),
-            CellElement::new_with_two_rigid_functions_for_single_free_cell(fineness.order),
+            CellElement::new_with_two_rigid_body_functions_for_single_free_cell(fineness.order),
         );
         let sections = CellSections::new(scene.surface.kind, &layout, &x, y.as_ref());
         let singular =
             if y.is_some() { build_singular_functions_of_attachments(scene, &layout, fineness) } else { Vec::new() };
         let (numbers, points, thin, free) = (Vec::new(), StiffPointUnknowns::default(), ThinCells::default(), 0);
-        let attached = merge_attachments_into_places(scene).into_iter().map(|place| place.at).collect();
+        let attached = merge_attachments_into_places_firmest_first(scene).into_iter().map(|place| place.at).collect();
         let mut grid = Self { x, y, element, straight, sections, numbers, singular, attached, points, thin, free };
         let mut fixed = grid.mark_unknowns_fixed_by_edges(scene);
         grid.mark_unknowns_inside_cutouts(&mut fixed);
@@ -117,25 +117,33 @@ impl Grid {
                     })
                 })
                 .collect();
-            (grid.thin, grid.points) =
-                ThinCells::find_thin_cells_and_change_of_unknowns(&grid.x.at, &grid.x.scale, fineness.cell_m, &numbers);
+            (grid.thin, grid.points) = ThinCells::find_cells_much_shorter_than_mesh_and_change_of_unknowns(
+                &grid.x.at,
+                &grid.x.scale,
+                fineness.cell_m,
+                &numbers,
+            );
         }
         grid
     }
 
     /// The element of the cells along these lines.
-    pub(super) fn choose_rigid_element_for_strip_else_ordinary(&self, lines: &GridLines) -> &CellElement {
+    pub(super) fn choose_element_with_rigid_body_functions_for_strip_else_ordinary(
+        &self,
+        lines: &GridLines,
+    ) -> &CellElement {
         if lines.is_strip { &self.straight } else { &self.element }
     }
 
     /// The stiffly held points of a plate; on a bar each attachment has a line, and its deflection is an unknown anyway.
     fn build_stiff_point_unknowns_of_plate(&self, scene: &Scene, fineness: Fineness) -> StiffPointUnknowns {
         let (length, width) = self.length_and_width_or_1_m();
-        let stiff = STIFF * WaveRigidities::from_scene(scene).softest / length.max(width).powi(2);
+        let stiff = STIFF * WaveRigidities::find_extremes_and_mean_over_layers_of_scene(scene).softest
+            / length.max(width).powi(2);
         let mut clusters = PlaceClusters::new(cell_size_at_attachments_m(scene, fineness));
         let (mut points, mut deflections, mut rows): (Vec<StiffPoint>, Vec<SparseVector>, Vec<SparseVector>) =
             Default::default();
-        for place in merge_attachments_into_places(scene).into_iter().filter(|place| place.held > stiff) {
+        for place in merge_attachments_into_places_firmest_first(scene).into_iter().filter(|place| place.held > stiff) {
             let deflection = self.deflection_or_slope_row_at(place.at.0, place.at.1, DeflectionDerivative::Value);
             if deflection.is_empty() {
                 continue;
@@ -367,7 +375,7 @@ impl Grid {
             let (cell, place) = lines.find_cell_index_and_fraction_within(at);
             let width = lines.at[cell + 1] - lines.at[cell];
             let [values, slopes, _] = self
-                .choose_rigid_element_for_strip_else_ordinary(lines)
+                .choose_element_with_rigid_body_functions_for_strip_else_ordinary(lines)
                 .values_and_derivatives_at(place, width, [lines.scale[cell], lines.scale[cell + 1]]);
             (cell, if slope { slopes } else { values })
         };
@@ -415,7 +423,7 @@ impl Grid {
 
     /// Values of the unknowns for the rigid deflection c + cx x + cy y.
     #[must_use]
-    pub fn unknowns_of_rigid_deflection(&self, c: f64, cx: f64, cy: f64) -> Vec<f64> {
+    pub fn unknown_values_of_rigid_deflection(&self, c: f64, cx: f64, cy: f64) -> Vec<f64> {
         let mut out = vec![0.0; self.free];
         let in_y = self
             .y

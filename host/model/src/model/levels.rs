@@ -151,7 +151,7 @@ impl ReducedLevels {
         max_hz: f64,
     ) -> Result<(ErrorEstimator, ReducedModel), ModelError> {
         let model = PanelModel::build_with_fineness(scene, fineness)?;
-        let reduced = model.reduce(max_hz, &[])?;
+        let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(max_hz, &[])?;
         Ok((ErrorEstimator::new(scene, &model), reduced))
     }
 
@@ -164,7 +164,7 @@ impl ReducedLevels {
             }
             let started = Instant::now();
             let model = PanelModel::build_with_fineness(scene, fineness)?;
-            let reduced = model.reduce(max_hz, &[])?;
+            let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(max_hz, &[])?;
             let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
             steps.push(RefinementLevel {
                 fineness,

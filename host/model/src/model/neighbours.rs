@@ -56,7 +56,7 @@ pub(super) struct AttachmentPlace {
 
 /// All places of the scene's attachments, one for those that are within the merging distance of each other, the most firmly
 /// held first. A neighbour held more firmly than what it is a neighbour of would cancel with it.
-pub(super) fn merge_attachments_into_places(scene: &Scene) -> Vec<AttachmentPlace> {
+pub(super) fn merge_attachments_into_places_firmest_first(scene: &Scene) -> Vec<AttachmentPlace> {
     let shift = choose_spectral_shift_rad2_per_s2(scene);
     let place = |attached: PointAttachment| AttachmentPlace {
         at: attached.at,

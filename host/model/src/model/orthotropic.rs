@@ -34,13 +34,20 @@ impl PlateMedium {
 
     /// What a force inside the plate does, 8 pi sqrt(D_11 D_22) times: r^2 log r where it is isotropic.
     /// Written by the waves across `side`, as a clamped edge there needs it: those of another differ by polynomials, with which it would move.
-    pub fn sources_of_inner_point_force(self, at: (f64, f64), side: Side) -> Vec<SingularSource> {
+    pub fn sources_of_inner_point_force(self, at: (f64, f64), side_that_waves_run_across: Side) -> Vec<SingularSource> {
         match self {
             Self::Isotropic(_) => vec![SingularSource::from_inner_point_force(at)],
             Self::Orthotropic(bending) => {
-                let across = EdgeWaves::new(bending, side);
-                let wave = |j: usize| LogWave { factor: across.incident_wave_amplitude(j), root: across.roots[j] };
-                [0, 1].map(|j| SingularSource { centre: at, side, terms: SingularTerms::Wave(wave(j)) }).to_vec()
+                let across = EdgeWaves::new(bending, side_that_waves_run_across);
+                let wave =
+                    |j: usize| LogWave { factor: across.amplitude_of_wave_from_point_force(j), root: across.roots[j] };
+                [0, 1]
+                    .map(|j| SingularSource {
+                        centre: at,
+                        side: side_that_waves_run_across,
+                        terms: SingularTerms::Wave(wave(j)),
+                    })
+                    .to_vec()
             }
         }
     }
@@ -50,14 +57,19 @@ impl PlateMedium {
         self,
         side: Side,
         image: (f64, f64),
-        distance: f64,
+        distance_over_scale: f64,
         scale: f64,
     ) -> Vec<SingularSource> {
         match self {
-            Self::Isotropic(poisson) => vec![image_source_of_free_edge(side, image, distance, poisson)],
+            Self::Isotropic(poisson) => vec![image_source_of_free_edge(side, image, distance_over_scale, poisson)],
             Self::Orthotropic(bending) => {
                 let across = EdgeWaves::new(bending, side);
-                across.reflected_wave_sources(across.reflection_amplitudes_of_free_edge(), image, distance, scale)
+                across.reflected_wave_sources(
+                    across.free_edge_reflection_amplitudes_by_reflected_and_incident_wave(),
+                    image,
+                    distance_over_scale,
+                    scale,
+                )
             }
         }
     }
@@ -67,14 +79,19 @@ impl PlateMedium {
         self,
         side: Side,
         image: (f64, f64),
-        distance: f64,
+        distance_over_scale: f64,
         scale: f64,
     ) -> Vec<SingularSource> {
         match self {
-            Self::Isotropic(_) => vec![image_source_of_clamped_edge(side, image, distance)],
+            Self::Isotropic(_) => vec![image_source_of_clamped_edge(side, image, distance_over_scale)],
             Self::Orthotropic(bending) => {
                 let across = EdgeWaves::new(bending, side);
-                across.reflected_wave_sources(across.reflection_amplitudes_of_clamped_edge(), image, distance, scale)
+                across.reflected_wave_sources(
+                    across.clamped_edge_reflection_amplitudes_by_reflected_and_incident_wave(),
+                    image,
+                    distance_over_scale,
+                    scale,
+                )
             }
         }
     }
@@ -104,14 +121,14 @@ impl EdgeWaves {
     }
 
     /// The amplitude of a force's wave, with signs as of s^2 log s: 2 l_2 / (l_1^2 - l_2^2), and with 1 and 2 exchanged.
-    fn incident_wave_amplitude(&self, wave_index: usize) -> Complex64 {
+    fn amplitude_of_wave_from_point_force(&self, wave_index: usize) -> Complex64 {
         let (own, other) = (self.roots[wave_index], self.roots[1 - wave_index]);
         2.0 * other / (own * own - other * other)
     }
 
     /// Amplitudes that a free edge reflects, `[of the wave][for the wave that comes]`: neither moment, D_n w_nn - D_12 k^2 w, nor shear,
     /// D_n w_nnn - (D_12 + 4 D_66) k^2 w_n, whose coefficient of a wave is l_1 times the other's of the moment.
-    fn reflection_amplitudes_of_free_edge(&self) -> [[Complex64; 2]; 2] {
+    fn free_edge_reflection_amplitudes_by_reflected_and_incident_wave(&self) -> [[Complex64; 2]; 2] {
         let [l1, l2] = self.roots;
         let [p1, p2] = [l1 * l1 - self.poisson, l2 * l2 - self.poisson];
         let (direct, whole) = (l2 * p1 * p1 + l1 * p2 * p2, l2 * p1 * p1 - l1 * p2 * p2);
@@ -119,7 +136,7 @@ impl EdgeWaves {
     }
 
     /// Amplitudes that a clamped edge reflects: neither w nor w_n.
-    fn reflection_amplitudes_of_clamped_edge(&self) -> [[Complex64; 2]; 2] {
+    fn clamped_edge_reflection_amplitudes_by_reflected_and_incident_wave(&self) -> [[Complex64; 2]; 2] {
         let [l1, l2] = self.roots;
         let (sum, whole) = (l1 + l2, l2 - l1);
         [[-sum / whole, -2.0 * l2 / whole], [2.0 * l1 / whole, sum / whole]]
@@ -131,17 +148,17 @@ impl EdgeWaves {
         &self,
         reflected: [[Complex64; 2]; 2],
         image: (f64, f64),
-        distance: f64,
+        distance_over_scale: f64,
         scale: f64,
     ) -> Vec<SingularSource> {
         let mut out = Vec::new();
         for (m, row) in reflected.iter().enumerate() {
             for (j, amplitude) in row.iter().enumerate() {
                 let (goes, came) = (self.roots[m], self.roots[j]);
-                let n = -distance * came.re / goes.re;
-                let t = -(came.im * distance + goes.im * n);
+                let n = -distance_over_scale * came.re / goes.re;
+                let t = -(came.im * distance_over_scale + goes.im * n);
                 // From the mirror image, which is at -d.
-                let (deeper, aside) = ((n + distance) * scale, t * scale);
+                let (deeper, aside) = ((n + distance_over_scale) * scale, t * scale);
                 let (x, y) = image;
                 let centre = match self.side {
                     Side::Left => (x + deeper, y + aside),
@@ -149,7 +166,7 @@ impl EdgeWaves {
                     Side::Top => (x + aside, y + deeper),
                     Side::Bottom => (x + aside, y - deeper),
                 };
-                let wave = LogWave { factor: amplitude * self.incident_wave_amplitude(j), root: goes };
+                let wave = LogWave { factor: amplitude * self.amplitude_of_wave_from_point_force(j), root: goes };
                 out.push(SingularSource { centre, side: self.side, terms: SingularTerms::Wave(wave) });
             }
         }

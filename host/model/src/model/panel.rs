@@ -5,7 +5,7 @@ use super::damping::{DampingMatrices, DistributedSprings};
 use super::eigen::{Modes, ShiftInvertOperator, extend_known_modes_up_to};
 use super::fineness::Fineness;
 use super::grid::{DeflectionDerivative, Grid};
-use super::poles::{Pole, compute_poles_of_modes};
+use super::poles::{Pole, compute_poles_of_first_modes_if_solvable};
 use super::reduced::ReducedModel;
 use super::rigid::{RigidModes, find_rigid_modes_and_eigenvalue_bounds_of_slow_motions};
 use super::sections::{WaveRigidities, choose_spectral_shift_rad2_per_s2};
@@ -123,7 +123,7 @@ impl PanelModel {
             SurfaceDamping::ModalRatio(_) => SHAPES_FOR_MODAL_RATIO,
             SurfaceDamping::None | SurfaceDamping::LossFactor(_) | SurfaceDamping::Rayleigh { .. } => SHAPES,
         };
-        if has_many_modes_below(&self.scene, max_hz) {
+        if are_more_residual_shapes_cheaper_than_modes_below(&self.scene, max_hz) {
             // At r = 4, (r / 2)^-8n is r^-4n: as good with half the modes.
             ReductionSettings { modes_beyond: 0.5 * modes_beyond, shapes_each: 2 * shapes_each }
         } else {
@@ -180,7 +180,11 @@ impl PanelModel {
     /// where there is nothing of the kind.
     #[must_use]
     pub fn relative_frequency_error_independent_of_mesh(&self) -> f64 {
-        self.unresolved + super::placement::relative_frequency_error_at_attachments(&self.scene, self.fineness)
+        self.unresolved
+            + super::placement::relative_frequency_error_at_attachments_no_finer_mesh_removes(
+                &self.scene,
+                self.fineness,
+            )
     }
 
     /// The mesh.
@@ -251,7 +255,11 @@ impl PanelModel {
     ///
     /// # Errors
     /// [`ModelError`] if the iteration does not settle.
-    pub fn reduce(&self, max_hz: f64, points: &[(f64, f64)]) -> Result<ReducedModel, ModelError> {
+    pub fn reduce_with_residual_shapes_of_actuators_and_points(
+        &self,
+        max_hz: f64,
+        points: &[(f64, f64)],
+    ) -> Result<ReducedModel, ModelError> {
         let shapes_each = self.choose_reduction_settings(max_hz).shapes_each;
         let found = self.compute_modes_for_reduction(max_hz)?;
         let loads: Vec<_> = self
@@ -297,7 +305,7 @@ impl PanelModel {
             .collect();
         let count = modes.lambda.len();
         if loads.is_empty() {
-            return compute_poles_of_modes(
+            return compute_poles_of_first_modes_if_solvable(
                 &modes.lambda,
                 &self.project_damping_onto_vectors(&modes.lambda, &modes.vectors),
                 count,
@@ -315,8 +323,13 @@ impl PanelModel {
         };
         let (lambda, vectors) =
             super::reduced::build_reduction_basis(self.shift_invert_operator(), &more, &loads, SHAPES_FOR_POLES);
-        compute_poles_of_modes(&lambda, &self.project_damping_onto_vectors(&lambda, &vectors), more.lambda.len(), count)
-            .ok_or_else(failed)
+        compute_poles_of_first_modes_if_solvable(
+            &lambda,
+            &self.project_damping_onto_vectors(&lambda, &vectors),
+            more.lambda.len(),
+            count,
+        )
+        .ok_or_else(failed)
     }
 
     /// The loads whose shapes modal damping needs: those of the ERAs, where damping is a ratio of the modes without them.
@@ -427,7 +440,8 @@ fn estimate_frequency_of_mode_hz(scene: &Scene, mode_number: usize) -> f64 {
         SurfaceKind::Plate => 4.0 * pi * mode_number as f64 / (surface.length_m * surface.width_m),
         SurfaceKind::Bar => (mode_number as f64 * pi / surface.length_m).powi(2),
     };
-    wavenumber_squared * WaveRigidities::from_scene(scene).mean.sqrt() / std::f64::consts::TAU
+    wavenumber_squared * WaveRigidities::find_extremes_and_mean_over_layers_of_scene(scene).mean.sqrt()
+        / std::f64::consts::TAU
 }
 
 /// About how many modes the surface has below a frequency: [`estimate_frequency_of_mode_hz`] inverted.
@@ -438,7 +452,7 @@ fn estimate_mode_count_below(scene: &Scene, max_hz: f64) -> f64 {
 
 /// Whether there are so many modes below a frequency that reduced models keep half as many beyond it, and twice the residual
 /// shapes.
-pub fn has_many_modes_below(scene: &Scene, max_hz: f64) -> bool {
+pub fn are_more_residual_shapes_cheaper_than_modes_below(scene: &Scene, max_hz: f64) -> bool {
     estimate_mode_count_below(scene, max_hz) > MANY_MODES
 }
 
@@ -475,7 +489,8 @@ pub(super) fn choose_fineness(
     }
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let omega = std::f64::consts::TAU * max_hz;
-    let wavelength = std::f64::consts::TAU * (WaveRigidities::from_scene(scene).least / (omega * omega)).powf(0.25);
+    let wavelength = std::f64::consts::TAU
+        * (WaveRigidities::find_extremes_and_mean_over_layers_of_scene(scene).least / (omega * omega)).powf(0.25);
     let is_bar = scene.surface.kind == SurfaceKind::Bar;
     let longest = if is_bar { length } else { length.max(width) };
     let cell_m = cell_fraction

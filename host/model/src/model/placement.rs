@@ -7,7 +7,7 @@ use super::fineness::Fineness;
 use super::mesh::{GridLines, MERGE, RequiredLine};
 use super::neighbours::{
     CloseAttachmentPair, NEAR, PlaceClusters, distance_between_points, find_noncoincident_attachment_pairs_within,
-    merge_attachments_into_places,
+    merge_attachments_into_places_firmest_first,
 };
 use super::orthotropic::PlateMedium;
 use super::sections::{CellSection, WaveRigidities};
@@ -87,7 +87,7 @@ pub(super) fn required_grid_lines(scene: &Scene, layout: &SurfaceLayout, finenes
         [layout.border_lines_x_m(), layout.border_lines_y_m()].map(|lines| lines.iter().map(line).collect::<Vec<_>>());
     if scene.surface.kind == SurfaceKind::Bar {
         // A bar's third derivative jumps at a force and is smooth on either side.
-        forced[0].extend(merge_attachments_into_places(scene).into_iter().map(|place| line(&place.at.0)));
+        forced[0].extend(merge_attachments_into_places_firmest_first(scene).into_iter().map(|place| line(&place.at.0)));
         return forced;
     }
     let width = |layers: usize| fineness.cell_m / 4.0_f64.powi(i32::try_from(layers).unwrap_or(i32::MAX));
@@ -135,7 +135,7 @@ fn distance_to_other_material_if_too_near_m(
     fineness: Fineness,
     at: (f64, f64),
 ) -> Option<f64> {
-    if layout.is_uniform() {
+    if layout.is_one_rectangle_of_one_layer() {
         return None;
     }
     let merged = MERGE * scene.surface.length_m.max(scene.surface.width_m);
@@ -172,7 +172,7 @@ pub fn has_unresolved_singularity(scene: &Scene, fineness: Fineness) -> bool {
             distances.iter().all(|distance| *distance < near) && distances.iter().any(|distance| *distance > 0.0)
         })
     };
-    !layout.is_uniform() || attachment_positions_m(scene).any(beside_corner)
+    !layout.is_one_rectangle_of_one_layer() || attachment_positions_m(scene).any(beside_corner)
 }
 
 /// Whether two attachments of a plate are so near to each other, and not at one place, that their functions overlap in a cell.
@@ -195,7 +195,7 @@ pub fn has_attachments_with_overlapping_functions(scene: &Scene, fineness: Finen
 /// of about k d^2 against the plate's rigidity D, and the elements approach that with the logarithm of their size only; all of
 /// it may be missing, up to 1. And on strips like bars what the points give way. 0 where there is neither.
 #[must_use]
-pub fn relative_frequency_error_at_attachments(scene: &Scene, fineness: Fineness) -> f64 {
+pub fn relative_frequency_error_at_attachments_no_finer_mesh_removes(scene: &Scene, fineness: Fineness) -> f64 {
     if scene.surface.kind == SurfaceKind::Bar {
         return relative_frequency_error_of_merged_attachments(scene, fineness);
     }
@@ -206,7 +206,10 @@ pub fn relative_frequency_error_at_attachments(scene: &Scene, fineness: Fineness
 /// What a frequency may be wrong by for attachments that count as at one place and are not: each is off by their distance, which is to the wave as the
 /// change of a deflection to itself, and together they hold no slope.
 fn relative_frequency_error_of_merged_attachments(scene: &Scene, fineness: Fineness) -> f64 {
-    let (longest, waves) = (scene.surface.length_m.max(scene.surface.width_m), WaveRigidities::from_scene(scene));
+    let (longest, waves) = (
+        scene.surface.length_m.max(scene.surface.width_m),
+        WaveRigidities::find_extremes_and_mean_over_layers_of_scene(scene),
+    );
     let lever = match scene.surface.kind {
         SurfaceKind::Plate => 1.0,
         SurfaceKind::Bar => fineness.cell_m,
@@ -222,16 +225,18 @@ fn relative_frequency_error_of_merged_attachments(scene: &Scene, fineness: Finen
 fn relative_frequency_error_of_close_places_or_narrow_strip(scene: &Scene, fineness: Fineness) -> f64 {
     let layout = scene.layout();
     let spaces = ClearSpaces::new(scene, &layout, fineness);
-    let places = merge_attachments_into_places(scene);
+    let places = merge_attachments_into_places_firmest_first(scene);
     if spaces.is_bar_like {
-        let (part, waves) =
-            (width_in_cells_if_plain_narrow_strip(scene, fineness).unwrap_or(0.0), WaveRigidities::from_scene(scene));
+        let (part, waves) = (
+            width_in_cells_if_plain_narrow_strip(scene, fineness).unwrap_or(0.0),
+            WaveRigidities::find_extremes_and_mean_over_layers_of_scene(scene),
+        );
         // What gives way at a point may be softer than what bends along the strip.
         let softer = waves.stiffest / waves.softest;
         return if places.is_empty() { 0.0 } else { GIVES_WAY * softer * part.powi(3) };
     }
     let near = NEAR * spaces.cell_m;
-    let rigidity = WaveRigidities::from_scene(scene).softest;
+    let rigidity = WaveRigidities::find_extremes_and_mean_over_layers_of_scene(scene).softest;
     let mut worst = 0.0_f64;
     for (k, place) in places.iter().enumerate() {
         // The first of two is held the more firmly.
@@ -317,7 +322,7 @@ pub(super) fn build_singular_functions_of_attachments(
     let mut functions: Vec<SingularFunction> = Vec::new();
     // Of each function: the space around its place, and the sources of a force there.
     let mut alone: Vec<(ClearRectangle, Vec<SingularSource>)> = Vec::new();
-    for place in merge_attachments_into_places(scene) {
+    for place in merge_attachments_into_places_firmest_first(scene) {
         let Some(own) = spaces.find_clear_rectangle_if_singular_function_is_possible_at(place.at) else { continue };
         let function = match clusters.add_place_and_find_nearest_earlier_in_cluster(place.at) {
             None => {

@@ -88,7 +88,7 @@ impl Pole {
     };
 
     /// The pole of an eigenvalue with Im s > 0, or of the only one of a mode. One that grows by more than rounding is unknown.
-    fn from_oscillating_eigenvalue(s: Complex64) -> Self {
+    fn from_single_eigenvalue_or_unknown_if_growing(s: Complex64) -> Self {
         let modulus = s.norm();
         if s.re > PASSIVE * modulus {
             return Self::UNKNOWN;
@@ -99,7 +99,7 @@ impl Pole {
     }
 
     /// The pole of a mode with two real eigenvalues, which does not oscillate.
-    fn from_real_eigenvalue_pair(a: Complex64, b: Complex64) -> Self {
+    fn from_real_eigenvalue_pair_or_unknown_if_growing(a: Complex64, b: Complex64) -> Self {
         let (faster, slower) = if a.re <= b.re { (a.re, b.re) } else { (b.re, a.re) };
         if slower > 0.0 {
             return Self::UNKNOWN;
@@ -174,33 +174,33 @@ impl Pole {
             && is_numerically_real(minus)
             && is_numerically_real(slower)
         {
-            return Self::from_real_eigenvalue_pair(minus, slower);
+            return Self::from_real_eigenvalue_pair_or_unknown_if_growing(minus, slower);
         }
-        Self::from_oscillating_eigenvalue(if plus.im >= minus.im { plus } else { minus })
+        Self::from_single_eigenvalue_or_unknown_if_growing(if plus.im >= minus.im { plus } else { minus })
     }
 }
 
 /// The poles that continue from the first `count` of the undamped modes, the first `modes` of a mass-normalised basis of the squared
 /// frequencies `lambda` in rad^2/s^2; those are ascending, and what follows them are shapes of loads. `None` if an eigenproblem has no solution.
 #[must_use]
-pub fn compute_poles_of_modes(
+pub fn compute_poles_of_first_modes_if_solvable(
     lambda: &[f64],
     damping: &DampingMatrices,
-    modes: usize,
-    count: usize,
+    mode_count: usize,
+    followed_mode_count: usize,
 ) -> Option<Vec<Pole>> {
     let n = lambda.len();
     let alone = |i: usize| {
         Pole::from_uncoupled_mode(lambda[i], damping.viscous[(i, i)].max(0.0), damping.structural[(i, i)].max(0.0))
     };
     if is_nearly_diagonal(&damping.viscous) && is_nearly_diagonal(&damping.structural) {
-        return Some((0..count).map(alone).collect());
+        return Some((0..followed_mode_count).map(alone).collect());
     }
-    let mut found = Vec::with_capacity(count);
-    while found.len() < count {
-        let (from, to) = (found.len(), (found.len() + TOGETHER).min(count));
-        let (first, last) = (from.saturating_sub(NEIGHBOURS), (to + NEIGHBOURS).min(modes));
-        let kept: Vec<usize> = (first..last).chain(modes..n).collect();
+    let mut found = Vec::with_capacity(followed_mode_count);
+    while found.len() < followed_mode_count {
+        let (from, to) = (found.len(), (found.len() + TOGETHER).min(followed_mode_count));
+        let (first, last) = (from.saturating_sub(NEIGHBOURS), (to + NEIGHBOURS).min(mode_count));
+        let kept: Vec<usize> = (first..last).chain(mode_count..n).collect();
         let part = |matrix: &DMatrix<f64>| matrix.select_rows(&kept).select_columns(&kept);
         let viscous = damping.structured.as_ref().map(|own| ViscousDamping {
             diagonal: own.viscous.select_rows(&kept),
@@ -353,12 +353,13 @@ impl PoleTracker {
     fn build_shift_inverted_state_matrix<T: ComplexField<RealField = f64>>(
         &self,
         damping_fraction: f64,
-        stiffness: impl Fn(f64, f64) -> T,
+        combine_stiffness_and_loss: impl Fn(f64, f64) -> T,
     ) -> Option<DMatrix<T>> {
         let (n, sigma) = (self.lambda.len(), self.sigma);
         let over = |i: usize, j: usize| 1.0 / (self.scale[i] * self.scale[j]);
         let elastic = DMatrix::from_fn(n, n, |i, j| {
-            stiffness(if i == j { self.lambda[i] } else { 0.0 }, self.structural[(i, j)]).scale(over(i, j))
+            combine_stiffness_and_loss(if i == j { self.lambda[i] } else { 0.0 }, self.structural[(i, j)])
+                .scale(over(i, j))
         });
         let viscous = DMatrix::from_fn(n, n, |i, j| {
             T::from_real((damping_fraction * self.viscous[(i, j)] + if i == j { sigma } else { 0.0 }) * over(i, j))
@@ -430,7 +431,7 @@ impl PoleTracker {
                 continue;
             }
             if next >= 1.0 {
-                return Some(self.collect_poles(&chosen, &all));
+                return Some(self.build_refined_poles_of_chosen_states_with_slower_partners(&chosen, &all));
             }
             for (k, at) in chosen.iter().enumerate() {
                 let Some(at) = at else { continue };
@@ -477,7 +478,11 @@ impl PoleTracker {
     }
 
     /// The poles of the chosen states, each with the slower one beside it where it does not oscillate.
-    fn collect_poles(&self, chosen: &[Option<usize>], all: &PoleStates) -> Vec<Pole> {
+    fn build_refined_poles_of_chosen_states_with_slower_partners(
+        &self,
+        chosen: &[Option<usize>],
+        all: &PoleStates,
+    ) -> Vec<Pole> {
         let mut taken = vec![false; all.s.len()];
         chosen.iter().flatten().for_each(|at| taken[*at] = true);
         let mut out = Vec::with_capacity(chosen.len());
@@ -501,12 +506,12 @@ impl PoleTracker {
             out.push(match slower {
                 Some(other) => {
                     taken[other] = true;
-                    Pole::from_real_eigenvalue_pair(
+                    Pole::from_real_eigenvalue_pair_or_unknown_if_growing(
                         s,
                         self.refine_eigenvalue_by_one_newton_step(all.s[other], &all.states.column(other).into_owned()),
                     )
                 }
-                None => Pole::from_oscillating_eigenvalue(s),
+                None => Pole::from_single_eigenvalue_or_unknown_if_growing(s),
             });
         }
         out

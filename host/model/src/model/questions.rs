@@ -31,15 +31,15 @@ impl ModesUpTo {
     }
 
     /// Whether a pole is far above all modes that are known: what it is depends on every finer mesh, unless it is that of a mode by itself.
-    fn is_coupled_pole_far_above_limit(&self, pole: &Pole) -> bool {
+    fn is_pole_coupled_and_far_above_limit(&self, pole: &Pole) -> bool {
         pole.is_coupled && pole.s.norm() > TAU * RESOLVED * self.0
     }
 
     /// Whether a pole is one of the mesh: on a motion that dies out before it swings, and fast, levels do not agree. Beside a dashpot at a point there is less
     /// mass the finer the mesh, and no limit.
-    fn is_pole_mesh_dependent(&self, mode: &PanelMode, frequency: Bound) -> bool {
-        let is_told = mode.pole_bound.limit_if_known().is_some() || frequency.limit_if_known().is_none();
-        let is_left_out = !mode.pole.is_whole && !self.is_coupled_pole_far_above_limit(&mode.pole);
+    fn is_overdamped_coupled_pole_without_error_bound(&self, mode: &PanelMode, frequency_bound: Bound) -> bool {
+        let is_told = mode.pole_bound.limit_if_known().is_some() || frequency_bound.limit_if_known().is_none();
+        let is_left_out = !mode.pole.is_whole && !self.is_pole_coupled_and_far_above_limit(&mode.pole);
         !is_told && !is_left_out && mode.pole.is_coupled && mode.pole.is_overdamped_or_nearly()
     }
 }
@@ -65,7 +65,7 @@ impl RefinableQuestion for ModesUpTo {
             if fine.frequency_hz == 0.0 {
                 return 0.0;
             }
-            if !fine.pole.is_known() || self.is_coupled_pole_far_above_limit(&fine.pole) {
+            if !fine.pole.is_known() || self.is_pole_coupled_and_far_above_limit(&fine.pole) {
                 return f64::INFINITY;
             }
             let is_near = |coarse: &&PanelMode| (coarse.frequency_hz / fine.frequency_hz - 1.0).abs() < SAME_MODE;
@@ -88,7 +88,7 @@ impl RefinableQuestion for ModesUpTo {
         let floor = |mode: &PanelMode| match mode {
             _ if mode.frequency_hz == 0.0 => 0.0,
             _ if mode.straight => STRAIGHT,
-            _ => rounding.relative_frequency_error_beyond_mesh_at(mode.unloaded_hz),
+            _ => rounding.relative_frequency_error_no_finer_mesh_removes_at(mode.unloaded_hz),
         };
         let listed = self.modes_within_limit(fine);
         listed.iter().chain(listed).map(floor).collect()
@@ -112,7 +112,7 @@ pub fn compute_modes_with_error_bounds(
     let of_poles = found.bounds.split_off(found.answer.len().min(found.bounds.len()));
     for ((mode, frequency), bound) in found.answer.iter_mut().zip(&found.bounds).zip(of_poles) {
         mode.pole_bound = bound;
-        if question.is_pole_mesh_dependent(mode, *frequency) {
+        if question.is_overdamped_coupled_pole_without_error_bound(mode, *frequency) {
             mode.pole = mode.pole.keep_slower_eigenvalue_and_mark_rest_unknown();
             mode.damping_ratio = mode.pole.damping_ratio;
         }

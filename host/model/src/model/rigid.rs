@@ -181,7 +181,7 @@ fn collect_holding_springs(scene: &Scene, assembled: &PanelMatrices) -> Vec<Hold
     }
     if let Some(air) = &assembled.air {
         let mean = |c: f64, cx: f64, cy: f64| -> f64 {
-            let motion = grid.unknowns_of_rigid_deflection(c, cx, cy);
+            let motion = grid.unknown_values_of_rigid_deflection(c, cx, cy);
             air.vector.iter().map(|(unknown, value)| value * motion[*unknown]).sum()
         };
         let along_y = if is_bar { 0.0 } else { mean(0.0, 0.0, 1.0 / width) };
@@ -244,7 +244,7 @@ fn expand_rigid_motions_to_unknowns(assembled: &PanelMatrices, allowed: &DMatrix
     for (motion, mut column) in allowed.column_iter().zip(out.column_iter_mut()) {
         let (c, cx) = (motion[0], motion[1] / length);
         let cy = motion.get(2).copied().unwrap_or(0.0) / width;
-        for (entry, value) in column.iter_mut().zip(grid.unknowns_of_rigid_deflection(c, cx, cy)) {
+        for (entry, value) in column.iter_mut().zip(grid.unknown_values_of_rigid_deflection(c, cx, cy)) {
             *entry = value;
         }
         for (unknown, actuator) in &assembled.attached.moving_masses {

@@ -170,7 +170,7 @@ pub struct WaveRigidities {
 impl WaveRigidities {
     /// The wave rigidities of a scene's surface.
     #[must_use]
-    pub fn from_scene(scene: &Scene) -> Self {
+    pub fn find_extremes_and_mean_over_layers_of_scene(scene: &Scene) -> Self {
         let kind = scene.surface.kind;
         let layout = scene.layout();
         let all: Vec<(f64, f64, [f64; 3])> = layout
@@ -203,6 +203,6 @@ const LEAST_SHIFT: f64 = 1e-5;
 pub(super) fn choose_spectral_shift_rad2_per_s2(scene: &Scene) -> f64 {
     let length = scene.surface.length_m.max(scene.surface.width_m);
     // With patches the softest part may bend under the heaviest one; a shift much below the other modes separates nothing.
-    let waves = WaveRigidities::from_scene(scene);
+    let waves = WaveRigidities::find_extremes_and_mean_over_layers_of_scene(scene);
     (22.4 / (length * length)).powi(2) * waves.slowest.max(LEAST_SHIFT * waves.mean) / 16.0
 }

@@ -59,7 +59,7 @@ impl CellElement {
     /// The same functions of a cell that has no neighbours and whose ends are free: 1 and 2 t - 1 in place of value and slope at
     /// the left end, and two that vanish at both ends in place of those at the right one.
     #[must_use]
-    pub fn new_with_two_rigid_functions_for_single_free_cell(order: usize) -> Self {
+    pub fn new_with_two_rigid_body_functions_for_single_free_cell(order: usize) -> Self {
         Self::from_order_and_cubics(order, CubicForm::Straight)
     }
 

@@ -128,15 +128,28 @@ impl FunctionReach {
 ///
 /// `distance` is d over the functions' scale.
 #[must_use]
-pub fn image_source_of_free_edge(side: Side, image: (f64, f64), distance: f64, poisson: f64) -> SingularSource {
+pub fn image_source_of_free_edge(
+    side: Side,
+    image: (f64, f64),
+    distance_over_scale: f64,
+    poisson: f64,
+) -> SingularSource {
     let beta = (1.0 - poisson) / (3.0 + poisson);
     let alpha = (5.0 + 2.0 * poisson + poisson * poisson) / ((1.0 - poisson) * (3.0 + poisson));
     // (n + d) Re(z log z) is half of Re(z^2 log z) + r^2 log r, and (n + d) log r half of Re(z log z) + Re(z* log z).
-    let slope = -2.0 * beta * distance;
+    let slope = -2.0 * beta * distance_over_scale;
     SingularSource {
         centre: image,
         side,
-        terms: SingularTerms::Round([beta, beta - alpha, slope, slope, 4.0 * beta * distance * distance, 0.0, 0.0]),
+        terms: SingularTerms::Round([
+            beta,
+            beta - alpha,
+            slope,
+            slope,
+            4.0 * beta * distance_over_scale * distance_over_scale,
+            0.0,
+            0.0,
+        ]),
     }
 }
 
@@ -145,10 +158,10 @@ pub fn image_source_of_free_edge(side: Side, image: (f64, f64), distance: f64, p
 ///
 /// `distance` is d over the functions' scale.
 #[must_use]
-pub fn image_source_of_clamped_edge(side: Side, image: (f64, f64), distance: f64) -> SingularSource {
+pub fn image_source_of_clamped_edge(side: Side, image: (f64, f64), distance_over_scale: f64) -> SingularSource {
     // r^2 = |z|^2 - 4 d (n + d) + 4 d^2, and n log |z| as in `image_source_of_free_edge`.
-    let (slope, square) = (2.0 * distance, distance * distance);
-    let parts = [-1.0, 0.0, slope, slope, -4.0 * square, 2.0 * distance, -2.0 * square];
+    let (slope, square) = (2.0 * distance_over_scale, distance_over_scale * distance_over_scale);
+    let parts = [-1.0, 0.0, slope, slope, -4.0 * square, 2.0 * distance_over_scale, -2.0 * square];
     SingularSource { centre: image, side, terms: SingularTerms::Round(parts) }
 }
 

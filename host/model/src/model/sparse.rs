@@ -184,8 +184,8 @@ struct RankOneSpring {
 impl CholeskyFactor {
     /// Adds a spring of this stiffness on (vector . unknowns) to the factored matrix of this order.
     #[must_use]
-    pub fn add_rank_one_spring(self, order: usize, vector: &SparseVector, stiffness: f64) -> Self {
-        let mut right = DMatrix::zeros(order, 1);
+    pub fn add_rank_one_spring(self, dimension: usize, vector: &SparseVector, stiffness: f64) -> Self {
+        let mut right = DMatrix::zeros(dimension, 1);
         vector.iter().for_each(|(unknown, value)| right[(*unknown, 0)] += value);
         let solution = self.solve_for_columns(&right).column(0).into_owned();
         let own: f64 = vector.iter().map(|(unknown, value)| value * solution[*unknown]).sum();

@@ -40,7 +40,7 @@ type LineUnknowns = [Option<usize>; 2];
 impl ThinCells {
     /// The thin cells between lines `at`, whose slopes are stored times `scale`, on a mesh with cells of `cell_m`; with the change of
     /// unknowns that they need. `numbers` are the unknowns at each line.
-    pub(super) fn find_thin_cells_and_change_of_unknowns(
+    pub(super) fn find_cells_much_shorter_than_mesh_and_change_of_unknowns(
         at: &[f64],
         scale: &[f64],
         cell_m: f64,
@@ -98,10 +98,12 @@ impl ThinCells {
         stiffness: &mut MatrixEntries,
         matrices: &[CellMatrices],
         section: impl Fn(usize) -> Option<CellSection>,
-        numbers: impl Fn(usize) -> Vec<Option<usize>>,
+        unknown_indices_of_cell: impl Fn(usize) -> Vec<Option<usize>>,
     ) {
         for ThinCell { cell, from_right, factors } in &self.cells {
-            let (Some(CellSection { rigidity, .. }), own) = (section(*cell), numbers(*cell)) else { continue };
+            let (Some(CellSection { rigidity, .. }), own) = (section(*cell), unknown_indices_of_cell(*cell)) else {
+                continue;
+            };
             let first = if *from_right { 0 } else { 2 };
             let factor = |a: usize| match a.checked_sub(first) {
                 Some(k @ 0..=1) => factors[k],

@@ -82,7 +82,7 @@ impl RefinableQuestion for PointCurvesQuestion {
     type Error = CurveError;
 
     fn answer_from_model(&self, model: &PanelModel) -> Result<Self::Answer, CurveError> {
-        let reduced = model.reduce(self.max_hz, &[self.at])?;
+        let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(self.max_hz, &[self.at])?;
         let shape = reduced.shape_deflections_at(self.at.0, self.at.1);
         // One beside those asked for may be an undamped resonance.
         let (asked, all) = (&self.frequencies_hz[..self.asked], &self.frequencies_hz);
@@ -110,7 +110,7 @@ impl RefinableQuestion for PointCurvesQuestion {
     }
 
     fn error_floor_of_each_part(&self, fine: &Self::Answer, rounding: FrequencyRounding) -> Vec<f64> {
-        vec![SHARPEST * rounding.relative_frequency_error_beyond_mesh_of_bending_modes(); fine.len()]
+        vec![SHARPEST * rounding.relative_frequency_error_of_bending_modes_no_finer_mesh_removes(); fine.len()]
     }
 }
 
@@ -122,8 +122,9 @@ impl<T: Arithmetic + Into<f64>> SurfaceSweepQuestion<'_, T> {
         x_m: &[f64],
         y_m: &[f64],
     ) -> Result<AccelerationSweep<T>, CurveError> {
-        let reduced = model.reduce(self.modes_hz, &[])?;
-        Ok(SurfaceShapes::new(self.scene, &reduced, x_m, y_m).compute_accelerations(self.frequencies_hz)?)
+        let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(self.modes_hz, &[])?;
+        Ok(SurfaceShapes::new(self.scene, &reduced, x_m, y_m)
+            .compute_accelerations_per_newton_at_all_points(self.frequencies_hz)?)
     }
 
     /// Where a sweep, of all points or of those compared, has the points compared.
@@ -184,9 +185,10 @@ impl<T: Arithmetic + Into<f64>> RefinableQuestion for SurfaceSweepQuestion<'_, T
                 for frequency in 0..self.frequencies_hz.len() {
                     let places = coarse_at.iter().zip(&fine_at);
                     for ((difference, peak), (coarse_at, fine_at)) in curves.iter_mut().zip(places) {
-                        let fine = fine.acceleration_as_f64(frequency, actuator, *fine_at);
-                        *difference = difference
-                            .max((fine - coarse.acceleration_as_f64(frequency, actuator, *coarse_at)).norm_sqr());
+                        let fine = fine.acceleration_per_newton_as_f64(frequency, actuator, *fine_at);
+                        *difference = difference.max(
+                            (fine - coarse.acceleration_per_newton_as_f64(frequency, actuator, *coarse_at)).norm_sqr(),
+                        );
                         *peak = peak.max(fine.norm_sqr());
                     }
                 }
@@ -204,7 +206,8 @@ impl<T: Arithmetic + Into<f64>> RefinableQuestion for SurfaceSweepQuestion<'_, T
 
     fn error_floor_of_each_part(&self, fine: &Self::Answer, rounding: FrequencyRounding) -> Vec<f64> {
         vec![
-            SHARPEST * rounding.relative_frequency_error_beyond_mesh_of_bending_modes() + ARITHMETIC * T::ROUNDING;
+            SHARPEST * rounding.relative_frequency_error_of_bending_modes_no_finer_mesh_removes()
+                + ARITHMETIC * T::ROUNDING;
             fine.actuators
         ]
     }
@@ -215,7 +218,7 @@ impl<T: Arithmetic + Into<f64>> RefinableQuestion for SurfaceSweepQuestion<'_, T
 ///
 /// # Errors
 /// [`CurveError`].
-pub fn sweep_with_error_bounds<T: Arithmetic + Into<f64>>(
+pub fn compute_acceleration_sweep_per_newton_with_error_bounds<T: Arithmetic + Into<f64>>(
     scene: &Scene,
     accuracy: Accuracy,
     (x_m, y_m): (&[f64], &[f64]),

@@ -75,7 +75,7 @@ impl<'a> CoordinateSolver<'a> {
         {
             return Ok(());
         }
-        for (at, z) in solve_with_full_matrix(self.model, frequency_hz)?.iter().enumerate() {
+        for (at, z) in solve_coordinates_per_newton_with_full_matrix(self.model, frequency_hz)?.iter().enumerate() {
             (re[at], im[at]) = (z.re, z.im);
         }
         Ok(())
@@ -171,7 +171,10 @@ impl<'a> LowRankSolver<'a> {
 }
 
 /// Solves for the coordinates at a frequency with the full matrix: n x p.
-fn solve_with_full_matrix(model: &ReducedModel, frequency_hz: f64) -> Result<DMatrix<Complex64>, ResponseError> {
+fn solve_coordinates_per_newton_with_full_matrix(
+    model: &ReducedModel,
+    frequency_hz: f64,
+) -> Result<DMatrix<Complex64>, ResponseError> {
     let n = model.count_coordinates();
     let omega = std::f64::consts::TAU * frequency_hz;
     // Rows and columns divided by the square root of this have entries of the size of one, whatever springs there are.

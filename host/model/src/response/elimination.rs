@@ -27,8 +27,8 @@ impl ComplexEquations {
     }
 
     /// Real and imaginary part of an unknown for a right side, once the equations are solved.
-    pub(super) fn solved_unknown(&self, row: usize, side: usize) -> (f64, f64) {
-        let at = row * self.width + self.n + side;
+    pub(super) fn solved_unknown(&self, row: usize, right_side_index: usize) -> (f64, f64) {
+        let at = row * self.width + self.n + right_side_index;
         (self.re[at], self.im[at])
     }
 

@@ -29,7 +29,7 @@ impl MirrorSymmetry {
     }
 
     /// Whether no actuator moves what is odd. Odd coordinates are not coupled to even ones.
-    pub fn is_driven_only_evenly(&self) -> bool {
+    pub fn is_symmetric_with_only_even_shapes_driven(&self) -> bool {
         self.is_symmetric_about_this_line() && self.is_driven_evenly
     }
 
@@ -51,7 +51,9 @@ pub fn find_mirror_symmetries(
 ) -> [MirrorSymmetry; 2] {
     let sides = [scene.surface.length_m, scene.surface.width_m];
     [(0, x_m), (1, y_m)].map(|(axis, lines)| {
-        let is_symmetric = lines.len() > 1 && are_lines_mirrored(lines, sides[axis]) && is_scene_mirrored(scene, axis);
+        let is_symmetric = lines.len() > 1
+            && are_lines_symmetric_about_middle_of_side(lines, sides[axis])
+            && is_scene_mirror_symmetric_along_axis(scene, axis);
         let middle = sides[axis] / 2.0;
         let mut places = scene.actuators.iter().map(|actuator| if axis == 0 { actuator.x_m } else { actuator.y_m });
         MirrorSymmetry {
@@ -66,12 +68,12 @@ pub fn find_mirror_symmetries(
 }
 
 /// Whether lines are their own mirror image about the middle of a side.
-fn are_lines_mirrored(lines: &[f64], side: f64) -> bool {
+fn are_lines_symmetric_about_middle_of_side(lines: &[f64], side: f64) -> bool {
     lines.iter().zip(lines.iter().rev()).all(|(low, high)| (low + high - side).abs() <= PLACE * side)
 }
 
 /// Whether everything attached has an equal at the mirrored place.
-fn is_scene_mirrored(scene: &Scene, axis: usize) -> bool {
+fn is_scene_mirror_symmetric_along_axis(scene: &Scene, axis: usize) -> bool {
     let side = [scene.surface.length_m, scene.surface.width_m][axis];
     let is_image = |a: (f64, f64), b: (f64, f64)| {
         let image = if axis == 0 { (side - a.0, a.1) } else { (a.0, side - a.1) };

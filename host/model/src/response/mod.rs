@@ -15,7 +15,7 @@ pub mod sweep;
 
 pub use bounded::{
     CurveError, MOST_SWEEP_VALUES, SINGLE_DOES, compute_acceleration_curves_per_newton_with_error_bounds,
-    sweep_with_error_bounds,
+    compute_acceleration_sweep_per_newton_with_error_bounds,
 };
 pub use coordinates::{CoordinateSolver, solve_coordinates_per_newton_at_frequency};
 pub use peak::{SineComponent, peak_of_sines_merging_equal_frequencies};

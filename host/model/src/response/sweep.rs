@@ -74,13 +74,17 @@ impl<T: Copy> AccelerationSweep<T> {
 
 impl<T: Arithmetic + Into<f64>> AccelerationSweep<T> {
     /// Acceleration for a frequency, an actuator and a point, in double precision.
-    pub(super) fn acceleration_as_f64(&self, frequency: usize, actuator: usize, point: usize) -> Complex64 {
+    pub(super) fn acceleration_per_newton_as_f64(&self, frequency: usize, actuator: usize, point: usize) -> Complex64 {
         let z = self.acceleration_per_newton_at_indices(frequency, actuator, point);
         Complex64::new(z.re.into(), z.im.into())
     }
 
     /// Accelerations of all points for a frequency and an actuator.
-    pub fn accelerations_of_all_points(&self, frequency: usize, actuator: usize) -> impl Iterator<Item = Complex64> {
+    pub fn accelerations_per_newton_of_all_points(
+        &self,
+        frequency: usize,
+        actuator: usize,
+    ) -> impl Iterator<Item = Complex64> {
         let from = (frequency * self.actuators + actuator) * self.points;
         let range = from..from + self.points;
         self.re[range.clone()].iter().zip(&self.im[range]).map(|(re, im)| Complex64::new((*re).into(), (*im).into()))
@@ -122,7 +126,9 @@ impl<T: Arithmetic> SurfaceShapes<T> {
             let is_of = |i: &usize| [folds[0].is_coordinate_odd(*i), folds[1].is_coordinate_odd(*i)] == odd;
             // What no actuator moves stays at rest.
             if !(0..2).any(|axis| {
-                odd[axis] && (folds[axis].is_driven_only_evenly() || !folds[axis].is_symmetric_about_this_line())
+                odd[axis]
+                    && (folds[axis].is_symmetric_with_only_even_shapes_driven()
+                        || !folds[axis].is_symmetric_about_this_line())
             }) {
                 let from = excited.len();
                 excited.extend((0..model.count_coordinates()).filter(is_of));
@@ -157,7 +163,10 @@ impl<T: Arithmetic> SurfaceShapes<T> {
     ///
     /// # Errors
     /// [`ResponseError::Unbounded`] at the first frequency that has no answer.
-    pub fn compute_accelerations(&self, frequencies_hz: &[f64]) -> Result<AccelerationSweep<T>, ResponseError> {
+    pub fn compute_accelerations_per_newton_at_all_points(
+        &self,
+        frequencies_hz: &[f64],
+    ) -> Result<AccelerationSweep<T>, ResponseError> {
         let (n, p, points) = (self.model.count_coordinates(), self.model.count_actuators(), self.count_points());
         let total = frequencies_hz.len() * p * points;
         let mut out =

@@ -18,7 +18,7 @@ pub struct Finger {
 impl Scene {
     /// The panel with the scene's finger resting on each of these places (m); unchanged where the scene has no finger.
     #[must_use]
-    pub fn with_finger_at_places(&self, places: &[(f64, f64)]) -> Self {
+    pub fn replace_finger_by_masses_and_supports_at_places(&self, places: &[(f64, f64)]) -> Self {
         let mut touched = Self { finger: None, ..self.clone() };
         let Some(Finger { mass_kg, damping_n_s_per_m, stiffness_n_per_m }) = self.finger else { return touched };
         for (x_m, y_m) in places.iter().copied() {

@@ -164,7 +164,7 @@ impl Laminate {
         let (mut shear, mut turning) = ([0.0; 2], 0.0);
         for stack in plies.chunk_by(|_, above| !above.slips) {
             let stack = BondedStack::new(kind, stack);
-            stack.add_bending_rigidities(&mut rigidities, &mut lost);
+            stack.add_bending_rigidities_and_loss_weighted_rigidities(&mut rigidities, &mut lost);
             turning += stack.rotary_inertia_per_area_kg();
             for (axis, sum) in shear.iter_mut().enumerate() {
                 *sum += stack.integrate_squared_shear_flow_over_modulus(axis);
@@ -216,7 +216,11 @@ impl<'a> BondedStack<'a> {
     }
 
     /// Adds what bends it, and of each layer that times its loss factor.
-    fn add_bending_rigidities(&self, rigidities: &mut PlateRigidities, lost: &mut PlateRigidities) {
+    fn add_bending_rigidities_and_loss_weighted_rigidities(
+        &self,
+        rigidities: &mut PlateRigidities,
+        loss_weighted_rigidities: &mut PlateRigidities,
+    ) {
         let (mut a, mut b) = (Matrix2::zeros(), Matrix2::zeros());
         let (mut a_twist, mut b_twist) = (0.0, 0.0);
         for (z, ply) in &self.plies {
@@ -235,7 +239,7 @@ impl<'a> BondedStack<'a> {
             let both = about.transpose() * q * about * t + q * turned;
             let own = ply.elastic.g_pa * (t * (z + twist).powi(2) + turned);
             rigidities.add_weighted_stiffness(&both, own, 1.0);
-            lost.add_weighted_stiffness(&both, own, ply.loss_factor);
+            loss_weighted_rigidities.add_weighted_stiffness(&both, own, ply.loss_factor);
         }
     }
 

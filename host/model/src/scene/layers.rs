@@ -27,7 +27,7 @@ pub(super) fn read_layers(sections: Vec<TomlSection<'_, '_>>, kind: SurfaceKind)
                 read
             },
         );
-        let elastic = if read_is_turned(&section) { elastic.turn_by_90_degrees() } else { elastic };
+        let elastic = if read_is_ply_turned_by_90_degrees(&section) { elastic.turn_by_90_degrees() } else { elastic };
         let loss_factor = section.read_optional_number_or_nan("loss_factor", 0.0, LOSS_FACTOR);
         let has_bond = section.has_key_marking_known("bond");
         let slips =
@@ -55,7 +55,7 @@ pub(super) fn read_layers(sections: Vec<TomlSection<'_, '_>>, kind: SurfaceKind)
 }
 
 /// Whether a layer lies with its material's x along the surface's y.
-fn read_is_turned(section: &TomlSection<'_, '_>) -> bool {
+fn read_is_ply_turned_by_90_degrees(section: &TomlSection<'_, '_>) -> bool {
     let angle = section.read_optional_number_or_nan("angle_deg", 0.0, AllowedNumbers::Within(0.0, 90.0));
     if angle > 0.0 && angle < 90.0 {
         section.report_wrong_value(

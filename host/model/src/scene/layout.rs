@@ -181,7 +181,7 @@ impl SurfaceLayout {
 
     /// Whether the surface is one rectangle of one layer.
     #[must_use]
-    pub fn is_uniform(&self) -> bool {
+    pub fn is_one_rectangle_of_one_layer(&self) -> bool {
         self.parts.len() == 1
     }
 
@@ -247,7 +247,10 @@ impl SurfaceLayout {
     }
 
     /// The layers that a rectangle (x from, x to, y from, y to) has in its inside.
-    pub fn layers_overlapping_rectangle(&self, rectangle: [f64; 4]) -> impl Iterator<Item = Option<SurfaceLayer>> {
+    pub fn layers_overlapping_rectangle_unless_cut_away(
+        &self,
+        rectangle: [f64; 4],
+    ) -> impl Iterator<Item = Option<SurfaceLayer>> {
         let [from_x, to_x, from_y, to_y] = rectangle;
         let columns = self.x_m.len() - 1;
         self.parts.iter().enumerate().filter_map(move |(k, part)| {
@@ -405,8 +408,8 @@ mod tests {
 
     #[test]
     fn borders_that_part_nothing_are_left_out() {
-        assert!(build_layout(&[(0.2, 0.3, 1.0, 1.0, 1e-3)], &[]).is_uniform());
-        assert!(build_layout(&[(0.0, 0.0, 3.0, 2.0, 5e-3)], &[]).is_uniform());
+        assert!(build_layout(&[(0.2, 0.3, 1.0, 1.0, 1e-3)], &[]).is_one_rectangle_of_one_layer());
+        assert!(build_layout(&[(0.0, 0.0, 3.0, 2.0, 5e-3)], &[]).is_one_rectangle_of_one_layer());
         let twice = build_layout(&[(0.0, 0.0, 1.0, 2.0, 2e-3), (1.0, 0.0, 1.0, 2.0, 2e-3)], &[]);
         assert_eq!(twice.border_lines_x_m(), &[0.0, 2.0, 3.0]);
     }

@@ -77,7 +77,7 @@ pub struct Scene {
     /// The hardest press of a finger, anywhere on the surface, that gaps have to bear, in N.
     pub press_n: f64,
     /// What rests on the place that is touched. Modes, maps of what can be reached and whatever else is not about one touch are of the
-    /// panel without it; [`Scene::with_finger_at_places`] is the panel with it.
+    /// panel without it; [`Scene::replace_finger_by_masses_and_supports_at_places`] is the panel with it.
     pub finger: Option<Finger>,
     /// Depth of the sealed cavity behind the panel in m, if there is one.
     pub sealed_depth_m: Option<f64>,
@@ -242,8 +242,8 @@ impl Scene {
     ///
     /// # Errors
     /// [`SceneError`] with every mistake found.
-    pub fn parse(source: &str, text: &str) -> Result<Self, SceneError> {
-        parse::parse_scene_text(source, text)
+    pub fn parse(source_name: &str, text: &str) -> Result<Self, SceneError> {
+        parse::parse_scene_text(source_name, text)
     }
 
     /// Reads a scene file.

@@ -50,15 +50,15 @@ const LEAST_STOP_UM: f64 = 0.1;
 const MAX_PIXELS: u32 = 100_000;
 
 /// Parses a scene file's text; `source` is what messages call it.
-pub(super) fn parse_scene_text(source: &str, text: &str) -> Result<Scene, SceneError> {
-    let document = read::parse_toml_document(source, text)?;
+pub(super) fn parse_scene_text(source_name: &str, text: &str) -> Result<Scene, SceneError> {
+    let document = read::parse_toml_document(source_name, text)?;
     let report = MistakeReport::new(text);
     let file = TomlSection::new(&report, document.get_ref(), String::new(), 0..0);
     let scene = read_all_tables_unless_surface_missing(&file);
     file.report_unknown_keys();
-    report.into_result(source)?;
+    report.into_result(source_name)?;
     // Every part that is missing has been reported.
-    scene.ok_or_else(|| SceneError::from_single_mistake(source, 0, "incomplete".into()))
+    scene.ok_or_else(|| SceneError::from_single_mistake(source_name, 0, "incomplete".into()))
 }
 
 /// Reads all tables; `None` if the surface is missing, which has been reported then.
@@ -79,7 +79,7 @@ fn read_all_tables_unless_surface_missing(file: &TomlSection<'_, '_>) -> Option<
     let cutouts = read_cutouts(file.read_tables("cutout"), surface.as_ref(), &size);
     size.left =
         surface.as_ref().filter(|_| !cutouts.is_empty()).map(|surface| SurfaceLayout::new(surface, &[], &cutouts));
-    let screen = read_screen(file.read_table_if_given_and_a_table("screen"), &size);
+    let screen = read_screen_or_assume_one_pixel_per_mm(file.read_table_if_given_and_a_table("screen"), &size);
     let supports = file.read_tables("support").into_iter().map(|section| read_support(section, &size)).collect();
     let edges = read_edges(file.read_tables("edge"), &size);
     let masses = file.read_tables("mass").into_iter().map(|section| read_mass(section, &size)).collect();
@@ -124,7 +124,8 @@ fn read_surface(section: TomlSection<'_, '_>, plies: Vec<TomlSection<'_, '_>>) -
         )
     } else {
         let laminate = Laminate::from_plies(kind, &layers);
-        let damping = choose_layered_surface_damping(&section, &layers, laminate.loss_factor, own_damping);
+        let damping =
+            choose_layered_surface_damping_and_report_conflict(&section, &layers, laminate.loss_factor, own_damping);
         (
             report_conflicting_keys_and_sum_layer_thickness_m(&section, &layers),
             laminate.to_uniform_material(kind),
@@ -152,7 +153,7 @@ fn read_material(surface: &TomlSection<'_, '_>, kind: SurfaceKind) -> Material {
 }
 
 /// The damping of a surface whose layers may have losses, which are `loss_factor` together: of these or of the surface's own.
-fn choose_layered_surface_damping(
+fn choose_layered_surface_damping_and_report_conflict(
     surface: &TomlSection<'_, '_>,
     plies: &[Ply],
     loss_factor: f64,
@@ -208,7 +209,7 @@ fn read_surface_damping(section: TomlSection<'_, '_>) -> SurfaceDamping {
 /// One number for all modes, or pairs of frequency and number.
 fn read_modal_ratio(section: &TomlSection<'_, '_>) -> ModalRatio {
     const KEY: &str = "modal_ratio";
-    if !section.is_value_a_list(KEY) {
+    if !section.is_value_a_list_marking_known(KEY) {
         return ModalRatio::from_single_ratio(section.read_optional_number_or_nan(KEY, 0.0, MODAL_RATIO));
     }
     let pairs = section.number_pairs_if_all_allowed_without_report(KEY, MODE_HZ, MODAL_RATIO);
@@ -222,7 +223,7 @@ fn read_modal_ratio(section: &TomlSection<'_, '_>) -> ModalRatio {
     })
 }
 
-fn read_screen(section: Option<TomlSection<'_, '_>>, size: &SurfaceSize) -> Screen {
+fn read_screen_or_assume_one_pixel_per_mm(section: Option<TomlSection<'_, '_>>, size: &SurfaceSize) -> Screen {
     let whole = Screen {
         // A pixel per mm where the file has no screen.
         width_px: pixels_at_one_per_mm(size.length_m),
@@ -298,7 +299,7 @@ fn pixels_at_one_per_mm(side_m: f64) -> u32 {
 }
 
 fn read_support(section: TomlSection<'_, '_>, size: &SurfaceSize) -> Support {
-    let (x_m, y_m) = size.read_position_m(&section);
+    let (x_m, y_m) = size.read_position_m_and_report_if_in_cutout(&section);
     let support = Support {
         x_m,
         y_m,
@@ -370,7 +371,7 @@ fn read_elastic_edge(section: &TomlSection<'_, '_>, kind: SurfaceKind) -> EdgeKi
 }
 
 fn read_mass(section: TomlSection<'_, '_>, size: &SurfaceSize) -> Mass {
-    let (x_m, y_m) = size.read_position_m(&section);
+    let (x_m, y_m) = size.read_position_m_and_report_if_in_cutout(&section);
     let mass = Mass { x_m, y_m, mass_kg: section.read_required_number_or_nan("mass_g", MASS_G) / 1e3 };
     section.report_unknown_keys();
     mass
@@ -416,7 +417,7 @@ fn read_actuators(
         let moving_mass =
             if mount == Some(Mount::Inertial) { AllowedNumbers::Within(1e-9, MOST_MASS_G) } else { MASS_G };
         let id = section.read_required_text_or_empty("id");
-        let (x_m, y_m) = size.read_position_m(&section);
+        let (x_m, y_m) = size.read_position_m_and_report_if_in_cutout(&section);
         let max_voltage_v = section.read_required_number_or_nan("max_voltage_v", AllowedNumbers::Within(1.0, 10_000.0));
         let air_gap_um = section.read_required_number_or_nan("air_gap_um", AllowedNumbers::Within(1.0, 1e5));
         let stop = AllowedNumbers::Within(LEAST_STOP_UM, if air_gap_um.is_nan() { f64::MAX } else { air_gap_um });

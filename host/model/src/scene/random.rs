@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 /// The text of a scene of the sequence.
 #[must_use]
-pub fn random_scene_text(seed: u64, scene: u64) -> String {
-    write_random_scene(&mut RandomSequence::new(seed, scene), &format!("random {seed}.{scene}"))
+pub fn random_scene_text(seed: u64, scene_number: u64) -> String {
+    write_random_scene(&mut RandomSequence::new(seed, scene_number), &format!("random {seed}.{scene_number}"))
 }
 
 /// A sequence of random numbers that is the same everywhere (splitmix64; Steele, Lea and Flood 2014).
@@ -62,7 +62,7 @@ impl RandomSequence {
     }
 
     /// True with this probability.
-    pub const fn is_true_with_probability(&mut self, probability: f64) -> bool {
+    pub const fn next_true_with_probability(&mut self, probability: f64) -> bool {
         self.next_unit_number() < probability
     }
 }
@@ -80,7 +80,7 @@ const SOFTENED_BY: [f64; 4] = [0.2, 0.2, 0.5, 1.5];
 #[must_use]
 pub fn write_random_scene(random: &mut RandomSequence, name: &str) -> String {
     let softened_by = random.independent_sequence().pick_one_of(&SOFTENED_BY);
-    let is_bar = random.is_true_with_probability(0.4);
+    let is_bar = random.next_true_with_probability(0.4);
     let (kind, length_mm, width_mm) = if is_bar {
         ("bar", random.next_between(120.0, 500.0), random.next_between(12.0, 40.0))
     } else {
@@ -109,7 +109,7 @@ pub fn write_random_scene(random: &mut RandomSequence, name: &str) -> String {
     write_random_edges(random, &mut text, is_bar);
     let place = |random: &mut RandomSequence| {
         let part = |random: &mut RandomSequence| {
-            if random.is_true_with_probability(0.2) {
+            if random.next_true_with_probability(0.2) {
                 random.pick_one_of(&[0.0, 0.5, 1.0])
             } else {
                 random.next_unit_number()
@@ -132,7 +132,7 @@ pub fn write_random_scene(random: &mut RandomSequence, name: &str) -> String {
         write_random_actuator(random, &mut text, i + 1, &at, softened_by);
     }
     // Last, so that all else is as it was before there were resistors.
-    if random.is_true_with_probability(0.3) {
+    if random.next_true_with_probability(0.3) {
         write_random_electronics(random, &mut text);
     }
     text
@@ -160,17 +160,18 @@ fn write_random_actuator(
     text: &mut String,
     number: u32,
     position_lines: &str,
-    softened_by: f64,
+    largest_softening_fraction: f64,
 ) {
-    let mount = if random.is_true_with_probability(0.7) { "inertial" } else { "grounded" };
+    let mount = if random.next_true_with_probability(0.7) { "inertial" } else { "grounded" };
     let mass_kg = random.next_power_of_ten(-2.5, -1.5);
     let stiffness = mass_kg * (std::f64::consts::TAU * random.next_between(50.0, 250.0)).powi(2);
     let damping = 2.0 * random.next_power_of_ten(-2.0, -1.0) * (stiffness * mass_kg).sqrt();
     let (area_m2, gap_m) = (random.next_between(6e-4, 2.5e-3), random.next_between(0.25e-3, 0.8e-3));
-    let highest_v = (softened_by * stiffness * gap_m.powi(3) / (crate::scene::EPS0 * area_m2)).sqrt();
+    let highest_v = (largest_softening_fraction * stiffness * gap_m.powi(3) / (crate::scene::EPS0 * area_m2)).sqrt();
     let max_voltage_v = random.next_between(700.0, 2000.0).min(highest_v);
-    let housing_g = if random.is_true_with_probability(0.5) { random.next_between(1.0, 10.0) } else { 0.0 };
-    let bias_v = if random.is_true_with_probability(0.2) { max_voltage_v * random.next_between(0.3, 0.8) } else { 0.0 };
+    let housing_g = if random.next_true_with_probability(0.5) { random.next_between(1.0, 10.0) } else { 0.0 };
+    let bias_v =
+        if random.next_true_with_probability(0.2) { max_voltage_v * random.next_between(0.3, 0.8) } else { 0.0 };
     let _ = write!(
         text,
         "[[actuator]]\nid = \"era{number}\"\n{position_lines}mount = \"{mount}\"\nmoving_mass_g = {:.3}\nhousing_mass_g = {housing_g:.2}\n\
@@ -188,7 +189,7 @@ fn write_random_electronics(random: &mut RandomSequence, text: &mut String) {
     let discharging_ohm = charging_ohm * random.next_power_of_ten(-1.3, 0.0);
     // No longer than the shortest time constant.
     let most_us = (charging_ohm * 85e-6).min(40.0);
-    let delay_us = if random.is_true_with_probability(0.5) { random.next_between(0.0, most_us) } else { 0.0 };
+    let delay_us = if random.next_true_with_probability(0.5) { random.next_between(0.0, most_us) } else { 0.0 };
     let _ = write!(
         text,
         "[electronics]\ncharging_resistance_ohm = {charging_ohm:.0}\ndischarging_resistance_ohm = {discharging_ohm:.0}\n\

@@ -28,7 +28,7 @@ pub(super) struct SurfaceSize {
 
 impl SurfaceSize {
     /// Where something is attached, in m: both coordinates, and not in a cut-out.
-    pub fn read_position_m(&self, section: &TomlSection<'_, '_>) -> (f64, f64) {
+    pub fn read_position_m_and_report_if_in_cutout(&self, section: &TomlSection<'_, '_>) -> (f64, f64) {
         let (x_m, y_m) = (self.read_x_m(section), self.read_attachment_y_or_that_of_bar_axis_m(section));
         let is_nowhere = self.left.as_ref().is_some_and(|left| left.layer_at_unless_cut_out(x_m, y_m).is_none());
         if is_nowhere && x_m.is_finite() && y_m.is_finite() {

@@ -70,7 +70,7 @@ impl std::error::Error for SceneError {}
 ///
 /// # Errors
 /// [`SceneError`] with the first line that is not valid TOML.
-pub fn parse_toml_document<'t>(source: &str, text: &'t str) -> Result<Spanned<DeTable<'t>>, SceneError> {
+pub fn parse_toml_document<'t>(source_name: &str, text: &'t str) -> Result<Spanned<DeTable<'t>>, SceneError> {
     DeTable::parse(text).map_err(|error| {
         let line = error.span().map_or(0, |span| line_number_of_byte(text, span.start));
         let told = error.message().trim();
@@ -89,7 +89,7 @@ pub fn parse_toml_document<'t>(source: &str, text: &'t str) -> Result<Spanned<De
             (None, Some(own)) => format!("not valid TOML: {told}: {own}"),
             (None, None) => format!("not valid TOML: {told}"),
         };
-        SceneError::from_single_mistake(source, line, text)
+        SceneError::from_single_mistake(source_name, line, text)
     })
 }
 
@@ -369,7 +369,7 @@ impl<'r, 't> TomlSection<'r, 't> {
 
     /// Whether a key's value is a list.
     #[must_use]
-    pub fn is_value_a_list(&self, key: &'static str) -> bool {
+    pub fn is_value_a_list_marking_known(&self, key: &'static str) -> bool {
         self.value_of_key_marking_known(key).is_some_and(DeValue::is_array)
     }
 

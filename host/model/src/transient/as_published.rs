@@ -17,7 +17,7 @@ use num_complex::Complex64;
 /// # Errors
 /// Sizes and numbers; [`TransientError::Unbounded`] if equation 15 has no solution, [`TransientError::Defective`] if
 /// equation 16 or 21 has none.
-pub fn compute_published_displacements_row_per_time(
+pub fn compute_displacements_by_thesis_eigenvectors_row_per_time(
     system: &SecondOrderSystem,
     initial: &InitialState,
     drives: &[HarmonicForce],

@@ -27,7 +27,7 @@ pub fn matrix_exponential(matrix: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// Matrix products that [`matrix_exponential`] makes for a matrix of this norm.
-pub fn count_exponential_products(norm: f64) -> f64 {
+pub fn count_matrix_products_of_matrix_exponential(norm: f64) -> f64 {
     if norm <= NORM_9 { 4.0 } else { 6.0 + f64::from(count_squarings(norm)) }
 }
 

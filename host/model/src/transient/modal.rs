@@ -20,7 +20,7 @@ fn displacement_and_velocity_weights(quantity: MotionQuantity, lambda: f64, damp
 }
 
 /// The quantity over one block for unit displacement (columns 0 to n - 1) and unit velocity (n to 2n - 1) at its start.
-fn unit_responses_over_block(
+fn responses_over_block_to_unit_displacements_then_velocities(
     modes: &DecoupledModes,
     quantity: MotionQuantity,
     step_s: f64,
@@ -57,7 +57,7 @@ pub fn compute_modal_series_row_per_time(
     let length = choose_block_length(count, outputs.min(2));
     let blocks = count.div_ceil(length);
     let n = modes.lambda.len();
-    let table = unit_responses_over_block(modes, quantity, step_s, length);
+    let table = responses_over_block_to_unit_displacements_then_velocities(modes, quantity, step_s, length);
     #[expect(clippy::cast_precision_loss, reason = "at most MOST_TIMES")]
     let block_s = length as f64 * step_s;
     // Displacements and velocities at the starts of blocks, 2n x A.

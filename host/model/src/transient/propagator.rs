@@ -1,7 +1,9 @@
 //! The public solver: one system, one grid of times, any forces and initial states.
 
 use super::blocks::{self, HarmonicOutput};
-use super::exponential::{count_exponential_products, largest_column_sum_of_magnitudes, matrix_exponential};
+use super::exponential::{
+    count_matrix_products_of_matrix_exponential, largest_column_sum_of_magnitudes, matrix_exponential,
+};
 use super::state::StateSpace;
 use super::system::{
     DecoupledModes, MassCoordinates, check_harmonic_force, check_initial_state, check_shape_and_finiteness,
@@ -48,7 +50,8 @@ impl Propagator {
             (PropagatorKind::Modal(modes), 16.0)
         } else {
             let state = StateSpace::new(&coordinates, last_time_but_at_least_one_step_s(grid))?;
-            let rounds = 1.0 + count_exponential_products(largest_column_sum_of_magnitudes(&state.a) * grid.step_s);
+            let rounds = 1.0
+                + count_matrix_products_of_matrix_exponential(largest_column_sum_of_magnitudes(&state.a) * grid.step_s);
             (PropagatorKind::Coupled { coordinates, state }, rounds * size.powf(1.5))
         };
         Ok(Self { grid, kind, system: system.clone(), units_per_step })

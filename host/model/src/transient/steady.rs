@@ -33,7 +33,7 @@ pub(super) fn solve_steady_state_of_already_checked_system(
     let scale: Vec<f64> = (0..n)
         .map(|i| 1.0 / (system.k[(i, i)].abs() + square * system.m[(i, i)]).max(f64::MIN_POSITIVE).sqrt())
         .collect();
-    let mut banded = BandedMatrix::new(n, system.largest_bandwidth());
+    let mut banded = BandedMatrix::new(n, system.largest_half_bandwidth_of_matrices());
     for column in 0..n {
         for row in column.saturating_sub(banded.band)..(column + banded.band + 1).min(n) {
             let at = (row, column);

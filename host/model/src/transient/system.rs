@@ -32,8 +32,8 @@ impl SecondOrderSystem {
     }
 
     /// Distance from the diagonal of the furthest entry in any of the matrices.
-    pub(super) fn largest_bandwidth(&self) -> usize {
-        matrix_bandwidth(&self.m).max(matrix_bandwidth(&self.c)).max(matrix_bandwidth(&self.k))
+    pub(super) fn largest_half_bandwidth_of_matrices(&self) -> usize {
+        matrix_half_bandwidth(&self.m).max(matrix_half_bandwidth(&self.c)).max(matrix_half_bandwidth(&self.k))
     }
 }
 
@@ -41,7 +41,7 @@ impl SecondOrderSystem {
 const LANES: usize = 8;
 
 /// Distance from the diagonal of the furthest entry of a square matrix.
-fn matrix_bandwidth(matrix: &DMatrix<f64>) -> usize {
+fn matrix_half_bandwidth(matrix: &DMatrix<f64>) -> usize {
     let n = matrix.nrows();
     let is_zero = |part: &[f64]| part.iter().fold(0.0, |sum, x| sum + x.abs()) == 0.0;
     // How many zeros a column begins with, and ends with.
@@ -130,7 +130,7 @@ pub(super) fn check_time_grid(grid: TimeGrid) -> Result<(), TransientError> {
 }
 
 fn check_symmetric(what: &'static str, matrix: &DMatrix<f64>) -> Result<(), TransientError> {
-    let (limit, band) = (SYMMETRIC * largest_magnitude_or_nonfinite(matrix), matrix_bandwidth(matrix));
+    let (limit, band) = (SYMMETRIC * largest_magnitude_or_nonfinite(matrix), matrix_half_bandwidth(matrix));
     for column in 0..matrix.ncols() {
         for row in column.saturating_sub(band)..column {
             let difference = (matrix[(row, column)] - matrix[(column, row)]).abs();
@@ -189,7 +189,7 @@ impl MassCoordinates {
     pub fn decouple_into_modes_if_proportionally_damped(&self) -> Option<DecoupledModes> {
         let n = self.k.nrows();
         if is_diagonal(&self.k) && is_diagonal(&self.c) {
-            return Some(DecoupledModes::sort_by_decay_rate(
+            return Some(DecoupledModes::from_modes_sorted_slowest_decay_first(
                 &self.k.diagonal(),
                 &self.c.diagonal(),
                 &self.back,
@@ -218,7 +218,12 @@ impl MassCoordinates {
             (rest <= limit * norm).then_some(diagonal)
         };
         let (lambda, damping) = (modal(&self.k, norm_k)?, modal(&self.c, norm_c)?);
-        Some(DecoupledModes::sort_by_decay_rate(&lambda, &damping, &(&self.back * &vectors), &(&transposed * &self.to)))
+        Some(DecoupledModes::from_modes_sorted_slowest_decay_first(
+            &lambda,
+            &damping,
+            &(&self.back * &vectors),
+            &(&transposed * &self.to),
+        ))
     }
 }
 
@@ -242,7 +247,7 @@ pub(super) struct DecoupledModes {
 
 impl DecoupledModes {
     /// Modes sorted by decay rate, the slowest first.
-    fn sort_by_decay_rate(
+    fn from_modes_sorted_slowest_decay_first(
         lambda: &DVector<f64>,
         damping: &DVector<f64>,
         shapes: &DMatrix<f64>,

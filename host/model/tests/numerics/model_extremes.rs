@@ -10,7 +10,10 @@ fn modes(scene: &SceneText, max_hz: f64) -> Vec<f64> {
 }
 
 fn reduced(scene: &SceneText, max_hz: f64) -> ReducedModel {
-    PanelModel::build(&scene.scene(), Accuracy::FAST, max_hz).unwrap().reduce(max_hz, &[]).unwrap()
+    PanelModel::build(&scene.scene(), Accuracy::FAST, max_hz)
+        .unwrap()
+        .reduce_with_residual_shapes_of_actuators_and_points(max_hz, &[])
+        .unwrap()
 }
 
 fn zeros(scene: &SceneText) -> usize {

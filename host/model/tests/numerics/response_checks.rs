@@ -7,7 +7,10 @@ use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 
 fn reduced(scene: &SceneText, max_hz: f64) -> ReducedModel {
-    PanelModel::build(&scene.scene(), Accuracy::BALANCED, max_hz).unwrap().reduce(max_hz, &[]).unwrap()
+    PanelModel::build(&scene.scene(), Accuracy::BALANCED, max_hz)
+        .unwrap()
+        .reduce_with_residual_shapes_of_actuators_and_points(max_hz, &[])
+        .unwrap()
 }
 
 /// Displacement per newton at a point for each actuator.
@@ -134,7 +137,10 @@ fn power_in_is_power_dissipated() {
 fn reduction_loses_little() {
     let scene = damped_plate();
     let small = reduced(&scene, 400.0);
-    let large = PanelModel::build(&scene.scene(), Accuracy::REFERENCE, 1500.0).unwrap().reduce(1500.0, &[]).unwrap();
+    let large = PanelModel::build(&scene.scene(), Accuracy::REFERENCE, 1500.0)
+        .unwrap()
+        .reduce_with_residual_shapes_of_actuators_and_points(1500.0, &[])
+        .unwrap();
     for (x, y) in [(0.075, 0.1), (0.29, 0.19), (0.1, 0.02)] {
         for actuator in 0..3 {
             let curve = |model: &ReducedModel| -> Vec<Complex64> {

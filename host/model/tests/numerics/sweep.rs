@@ -12,7 +12,10 @@ use num_complex::Complex64;
 use proptest::prelude::*;
 
 fn reduced(scene: &Scene) -> ReducedModel {
-    PanelModel::build(scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap()
+    PanelModel::build(scene, Accuracy::FAST, 400.0)
+        .unwrap()
+        .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+        .unwrap()
 }
 
 /// How much the answers by the full matrix may be wrong because its entries are rounded, relative to the largest coordinate: the matrix's
@@ -94,7 +97,7 @@ fn against_points<T: Arithmetic + Into<f64>>(scene: &Scene, nx: u32, ny: u32) ->
     let (x_m, y_m) = (line(scene.surface.length_m, nx), line(scene.surface.width_m, ny));
     let frequencies_hz: Vec<f64> = (0..70).map(|i| 40.0 + 5.0 * f64::from(i)).collect();
     let shapes = SurfaceShapes::<T>::new(scene, &model, &x_m, &y_m);
-    let sweep = shapes.compute_accelerations(&frequencies_hz).unwrap();
+    let sweep = shapes.compute_accelerations_per_newton_at_all_points(&frequencies_hz).unwrap();
     let solver = CoordinateSolver::new(&model);
     let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
     for (k, hz) in frequencies_hz.iter().enumerate() {

@@ -193,7 +193,7 @@ fn critical_damping_and_equal_eigenvalues_where_the_published_form_fails() {
         .compute_motion_under_harmonics_row_per_time(&initial, &[], OutputRows::All, MotionQuantity::Displacement)
         .unwrap();
     assert!(worst(&found, &closed) < 1e-13, "{:e}", worst(&found, &closed));
-    match as_published::compute_published_displacements_row_per_time(&system, &initial, &[], grid) {
+    match as_published::compute_displacements_by_thesis_eigenvectors_row_per_time(&system, &initial, &[], grid) {
         Err(error) => assert_eq!(error, TransientError::Defective),
         Ok(published) => assert!(worst(&published, &closed) > 1e-10, "{:e}", worst(&published, &closed)),
     }
@@ -218,7 +218,8 @@ fn proportional_and_general_damping_against_runge_kutta() {
             .unwrap();
         assert!(worst(&all, &expected) < 1e-10, "{:e}", worst(&all, &expected));
         let published =
-            as_published::compute_published_displacements_row_per_time(&system, &initial, &drives, grid).unwrap();
+            as_published::compute_displacements_by_thesis_eigenvectors_row_per_time(&system, &initial, &drives, grid)
+                .unwrap();
         assert!(worst(&published, &all) < 1e-10);
         // Few outputs take another way; velocity and acceleration satisfy the equation of motion.
         let rows = DMatrix::identity(n, n);
@@ -258,8 +259,13 @@ fn a_full_mass_matrix_and_many_outputs() {
                 MotionQuantity::Displacement,
             )
             .unwrap();
-        let published =
-            as_published::compute_published_displacements_row_per_time(&system, &start(n), &drives(n), grid).unwrap();
+        let published = as_published::compute_displacements_by_thesis_eigenvectors_row_per_time(
+            &system,
+            &start(n),
+            &drives(n),
+            grid,
+        )
+        .unwrap();
         assert!(worst(&found, &published) < 1e-10, "{:e}", worst(&found, &published));
     }
 }

@@ -19,7 +19,9 @@ pub(super) fn file_name_for_key(key: &Key) -> String {
 }
 
 /// Checks that nobody but this user and root can have put a file into a directory; one that is not there yet is nobody's.
-pub(super) fn check_only_owner_can_write_if_there(directory: &Path) -> Result<(), UnusableFile> {
+pub(super) fn check_directory_owned_and_writable_only_by_user_if_it_exists(
+    directory: &Path,
+) -> Result<(), UnusableFile> {
     match check_own_folder(directory) {
         Err(NotOwn::Io(error)) if error.kind() == ErrorKind::NotFound => Ok(()),
         checked => checked.map_err(|reason| UnusableFile::Directory { path: directory.to_owned(), reason }),
@@ -30,7 +32,7 @@ pub(super) fn check_only_owner_can_write_if_there(directory: &Path) -> Result<()
 pub(super) fn write_private_file_making_directory(path: &Path, bytes: &[u8]) -> Result<(), UnusableFile> {
     if let Some(directory) = path.parent() {
         make_private_folder(directory)?;
-        check_only_owner_can_write_if_there(directory)?;
+        check_directory_owned_and_writable_only_by_user_if_it_exists(directory)?;
     }
     Ok(replace_link_or_file(path, Readers::Owner, bytes)?)
 }
@@ -44,7 +46,11 @@ pub(super) fn set_modified_time_to_now_if_possible(path: &Path) {
 }
 
 /// Deletes tables until at most `most_files` and `most_bytes` are left, least recently used first. Other files stay.
-pub(super) fn remove_least_recently_used_tables(directory: &Path, most_files: usize, most_bytes: u64) {
+pub(super) fn remove_least_recently_used_tables_beyond_count_and_size(
+    directory: &Path,
+    most_files: usize,
+    most_bytes: u64,
+) {
     remove_unfinished(directory);
     let Ok(found) = fs::read_dir(directory) else { return };
     let mut files: Vec<(SystemTime, u64, PathBuf)> = found

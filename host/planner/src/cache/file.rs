@@ -86,7 +86,7 @@ impl From<io::Error> for UnusableFile {
 }
 
 /// The file's bytes.
-pub(super) fn read_own_file_of_limited_size(path: &Path) -> Result<Vec<u8>, UnusableFile> {
+pub(super) fn read_file_checking_owner_and_size_limit(path: &Path) -> Result<Vec<u8>, UnusableFile> {
     read_own_file(path, MOST_BYTES).map_err(|reason| match reason {
         NotOwn::Io(error) => error.into(),
         NotOwn::TooLarge { bytes, .. } => UnusableFile::TooLarge(bytes),

@@ -161,7 +161,11 @@ impl Cache {
         });
         match written {
             Ok(size) => {
-                directory::remove_least_recently_used_tables(&self.directory, MOST_FILES, MOST_BYTES);
+                directory::remove_least_recently_used_tables_beyond_count_and_size(
+                    &self.directory,
+                    MOST_FILES,
+                    MOST_BYTES,
+                );
                 Some(size)
             }
             Err(reason) => {
@@ -180,8 +184,8 @@ fn load_and_check_table_file(
     options: TableOptions,
 ) -> Result<Prepared, UnusableFile> {
     let started = Instant::now();
-    path.parent().map_or(Ok(()), directory::check_only_owner_can_write_if_there)?;
-    let bytes = file::read_own_file_of_limited_size(path)?;
+    path.parent().map_or(Ok(()), directory::check_directory_owned_and_writable_only_by_user_if_it_exists)?;
+    let bytes = file::read_file_checking_owner_and_size_limit(path)?;
     let stored = file::decode_table(key, &bytes)?;
     let read = started.elapsed();
     let (table, steps) = stored.restore_table(scene, accuracy, options)?;

@@ -316,9 +316,9 @@ fn the_oldest_files_go_first_and_others_stay() {
         names.sort();
         names
     };
-    directory::remove_least_recently_used_tables(directory.path(), 4, 1 << 20);
+    directory::remove_least_recently_used_tables_beyond_count_and_size(directory.path(), 4, 1 << 20);
     assert_eq!(left(), ["0.era-plan", "1.era-plan", "2.era-plan", "3.era-plan", "notes.txt"]);
-    directory::remove_least_recently_used_tables(directory.path(), 4, 250);
+    directory::remove_least_recently_used_tables_beyond_count_and_size(directory.path(), 4, 250);
     assert_eq!(left(), ["0.era-plan", "1.era-plan", "notes.txt"]);
 }
 

@@ -141,8 +141,8 @@ impl Assignment {
         table_in_descending_order: &Self,
         actuator: usize,
         frequency: usize,
-        frequencies_below: usize,
-        frequencies_above: usize,
+        count_at_least_spacing_below: usize,
+        count_at_least_spacing_above: usize,
     ) -> f64 {
         let others = ((1 << self.actuators) - 1) & !(1 << actuator);
         let mut best = f64::NEG_INFINITY;
@@ -150,8 +150,9 @@ impl Assignment {
         let mut lower = others;
         loop {
             best = best.max(
-                self.best_sum_over_first_frequencies(lower, frequencies_below)
-                    + table_in_descending_order.best_sum_over_first_frequencies(others & !lower, frequencies_above),
+                self.best_sum_over_first_frequencies(lower, count_at_least_spacing_below)
+                    + table_in_descending_order
+                        .best_sum_over_first_frequencies(others & !lower, count_at_least_spacing_above),
             );
             if lower == 0 {
                 return best + self.contribution_at(actuator, frequency);

@@ -198,10 +198,10 @@ impl<'a> Formulation<'a> {
         let Some(shape) = self.zone.targets.first() else {
             return self.build_candidate_set_without_candidates(&[wanted]);
         };
-        let squares = table.acceleration_coordinates().squared_accelerations_at_point(shape);
+        let squares = table.acceleration_coordinates().squared_accelerations_at_point_by_actuator_and_frequency(shape);
         let rough = &table.rough;
         let wanted = wanted.min(BEYOND_REACH * rough.bound_summed_peak_at_best_frequencies_m_per_s2(&squares, p, f));
-        let efficiencies = rough.bound_efficiency_of_each_candidate(&squares);
+        let efficiencies = rough.bound_target_to_elsewhere_energy_ratio_of_each_candidate(&squares);
         let Some(known) = self.allocate_heuristic_first_guess_if_spacing_can_be_kept(
             wanted,
             &squares,
@@ -227,11 +227,13 @@ impl<'a> Formulation<'a> {
                 &table.frequencies_hz,
                 needed - SINGLE_PRECISION_ERROR * needed.abs(),
             );
-            let near = table
-                .acceleration_coordinates()
-                .mean_squared_accelerations_over_points(&self.zone.quadrature_shapes_and_weights(), &likely);
+            let near =
+                table.acceleration_coordinates().mean_squared_accelerations_over_points_by_actuator_and_frequency(
+                    &self.zone.quadrature_shapes_and_weights(),
+                    &likely,
+                );
             let efficiencies =
-                rough.sharper_efficiency_bounds_of_likely_candidates_or_zero(&squares, &near, self.zone.part, &likely);
+                rough.sharper_target_to_elsewhere_ratio_bounds_of_likely_or_0(&squares, &near, self.zone.part, &likely);
             let (earns, _) = earnings(&known, &efficiencies);
             let trial = self.allocate_best_combination_of_band_maxima_if_allowed(&earns, wanted, is_allowed_pair);
             let known = trial.filter(|trial| meets_more_or_as_much_at_less_cost(trial, &known)).unwrap_or(known);
@@ -245,7 +247,7 @@ impl<'a> Formulation<'a> {
         } else {
             // No better one unless it reaches more.
             let needed = known.met * wanted;
-            (known, rough.reach_of_each_candidate_alone_m_per_s2(&squares), needed)
+            (known, rough.max_peak_of_each_candidate_alone_m_per_s2(&squares), needed)
         };
         let mut choices = self.build_candidate_set_without_candidates(&[wanted]);
         // What a combination that is good by the bounds really is may show that more is needed.
@@ -370,7 +372,7 @@ impl<'a> Formulation<'a> {
                     known.duals.gain.first().copied()?,
                 )
             } else {
-                table.rough.reach_of_each_candidate_alone_m_per_s2(squared_accelerations)
+                table.rough.max_peak_of_each_candidate_alone_m_per_s2(squared_accelerations)
             };
             sums.fill_best_sums_of_actuator_sets(p, value, &lags);
             let picks = sums.best_frequency_of_each_actuator_if_spacing_can_be_kept(&lags)?;
@@ -462,7 +464,7 @@ impl<'a> Formulation<'a> {
         }
         let Some(shape) = self.zone.targets.get(target) else { return wanted };
         let most = self.table.rough.bound_summed_peak_at_best_frequencies_m_per_s2(
-            &self.table.acceleration_coordinates().squared_accelerations_at_point(shape),
+            &self.table.acceleration_coordinates().squared_accelerations_at_point_by_actuator_and_frequency(shape),
             p,
             f,
         );

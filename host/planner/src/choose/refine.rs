@@ -4,7 +4,7 @@ use crate::MIN_SPACING_HZ;
 use crate::choose::allocate::Allocation;
 use crate::choose::candidates::Formulation;
 use crate::choose::search::{BestCombination, CandidateSet};
-use crate::chosen_drive::{ChosenDrive, is_one_nearly_odd_harmonic_of_other};
+use crate::chosen_drive::{ChosenDrive, is_one_near_3rd_5th_or_7th_harmonic_of_other};
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{PlanTable, PulseOption};
 
@@ -84,7 +84,8 @@ pub(crate) fn refine_frequencies_between_grid(
                 at[i] = own.candidates[i].iter().position(|c| c.tag % 2 == w).unwrap_or(0);
             }
         }
-        let fits = |a: f64, b: f64| (a - b).abs() >= MIN_SPACING_HZ && !is_one_nearly_odd_harmonic_of_other(a, b);
+        let fits =
+            |a: f64, b: f64| (a - b).abs() >= MIN_SPACING_HZ && !is_one_near_3rd_5th_or_7th_harmonic_of_other(a, b);
         let keeps = (0..p).all(|i| (0..i).all(|j| fits(own.frequencies_hz[i], own.frequencies_hz[j])));
         let refined = own.allocate_combination(&at);
         let is_better = refined.met > allocation.met * (1.0 + LEAST_GAIN)

@@ -231,7 +231,7 @@ impl SearchGoal {
 
     /// The value of an allocation, the larger the better: the fraction of the wishes that it meets, or minus its
     /// cost; minus infinity if it does not meet what is required.
-    fn objective_value(self, allocation: &Allocation) -> f64 {
+    fn value_to_maximise_or_minus_infinity_if_wishes_unmet(self, allocation: &Allocation) -> f64 {
         match self {
             SearchGoal::Reach => allocation.met,
             SearchGoal::Cost if allocation.met >= 1.0 => -allocation.cost,

@@ -1,6 +1,6 @@
 //! What a click may ask of an actuator: the voltage and the force of its windows.
 
-use super::realise::{SLOT_S, WIDEST_S, integrate_squared_voltage_of_window_s, narrowest_window_s};
+use super::realise::{SLOT_S, WIDEST_S, integrate_squared_relative_voltage_of_window_s, narrowest_window_s};
 use crate::PlanTable;
 use crate::physics::limits::{Electrodes, Limit, MAX_SOFTENING_FRACTION};
 use crate::scene::ChargingTimes;
@@ -18,7 +18,7 @@ pub fn find_highest_allowed_window_voltage_v_and_limit(table: &PlanTable, actuat
     let counted = table.scene.actuators.get(actuator).map_or(0.0, crate::scene::Actuator::softening_n_per_m);
     // Per V^2: 2 k / g for the part of the time in which windows are on.
     let softening = 2.0 * electrodes.force_at_rest_n_per_v2() / electrodes.gap_m * WIDEST_S / SLOT_S
-        * electrodes.press_softening_ratio();
+        * electrodes.softening_under_press_relative_to_rest();
     let left = if receptance > 0.0 { MAX_SOFTENING_FRACTION / receptance } else { f64::INFINITY };
     let pulled_in = ((left + counted) / softening).sqrt();
     [(own, Limit::Voltage), (held, Limit::Breakdown), (pulled_in, Limit::PullIn)]
@@ -52,7 +52,7 @@ impl ClickActuator {
         let highest_v = highest_v.max(0.0);
         let plateau_n = electrodes.force_at_rest_n_per_v2() * highest_v * highest_v;
         let charging = electrodes.charging;
-        let widest_s = integrate_squared_voltage_of_window_s(charging, WIDEST_S);
+        let widest_s = integrate_squared_relative_voltage_of_window_s(charging, WIDEST_S);
         Self {
             charging,
             highest_v,
@@ -60,7 +60,7 @@ impl ClickActuator {
             limited_by,
             plateau_n,
             full_n: plateau_n * widest_s / SLOT_S,
-            least_part: integrate_squared_voltage_of_window_s(charging, narrowest_window_s()) / widest_s,
+            least_part: integrate_squared_relative_voltage_of_window_s(charging, narrowest_window_s()) / widest_s,
         }
     }
 }

@@ -3,7 +3,10 @@
 use super::actuator::ClickActuator;
 use super::bound::bound_crisp_click_peak_if_solved_m_per_s2;
 use super::designer::{BuiltClick, ClickDesigner, SLOT_SAMPLES};
-use super::felt::{FINE_RECORD, felt_motion_from_means, motion_below_1_khz_from_means};
+use super::felt::{
+    FINE_RECORD, filter_quarter_ms_means_to_felt_motion_at_16_khz,
+    filter_quarter_ms_means_to_motion_below_1_khz_at_16_khz,
+};
 use super::measures::{ClickMeasures, measure_click};
 use super::motion::simulate_windows;
 use super::options::ClickOptions;
@@ -90,18 +93,27 @@ pub fn design_click_windows(
     let mut designer = ClickDesigner { table, poles, shapes, targets, actuators: &actuators, options };
     let target = residues.first()?;
     let (built, travel_limit) = if has_several {
-        build_click_of_peak_signs_that_move_surface_least(&mut designer, target, wishes)?
+        build_click_with_best_contrast_peak_signs_and_limiting_actuator(&mut designer, target, wishes)?
     } else {
-        build_click_within_travel_and_get_limiting_actuator(&designer, asked)?
+        build_click_within_travel_and_limiting_actuator_if_solved(&designer, asked)?
     };
     if has_several && built.windows.is_empty() {
         return None;
     }
     let means = built.motion.mean_acceleration.first().map_or(&[][..], Vec::as_slice);
-    let felt = felt_motion_from_means(means);
-    let shown_peak = motion_below_1_khz_from_means(means).iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let felt = filter_quarter_ms_means_to_felt_motion_at_16_khz(means);
+    let shown_peak = filter_quarter_ms_means_to_motion_below_1_khz_at_16_khz(means)
+        .iter()
+        .fold(0.0_f64, |most, x| most.max(x.abs()));
     let all: Vec<ClickMeasures> = std::iter::once(measure_click(&felt))
-        .chain(built.motion.mean_acceleration.iter().skip(1).map(|means| measure_click(&felt_motion_from_means(means))))
+        .chain(
+            built
+                .motion
+                .mean_acceleration
+                .iter()
+                .skip(1)
+                .map(|means| measure_click(&filter_quarter_ms_means_to_felt_motion_at_16_khz(means))),
+        )
         .map(ClickMeasures::shift_times_to_count_from_burst_start)
         .collect();
     let measures = *all.first()?;
@@ -158,7 +170,7 @@ pub fn design_click_windows(
 }
 
 /// The click for the first wish, weakened until no mass goes too far, and the actuator that it was weakened for.
-fn build_click_within_travel_and_get_limiting_actuator(
+fn build_click_within_travel_and_limiting_actuator_if_solved(
     designer: &ClickDesigner,
     asked: f64,
 ) -> Option<(BuiltClick, Option<usize>)> {
@@ -185,7 +197,7 @@ fn build_click_within_travel_and_get_limiting_actuator(
 
 /// The click for several targets. Fingers do not feel the directions of peaks: of those with which the wishes are reached, the ones that move the
 /// surface least relative to `target`, the first.
-fn build_click_of_peak_signs_that_move_surface_least(
+fn build_click_with_best_contrast_peak_signs_and_limiting_actuator(
     designer: &mut ClickDesigner,
     target: &PointResidues,
     wishes: &[f64],
@@ -194,10 +206,15 @@ fn build_click_of_peak_signs_that_move_surface_least(
     let mut best = None;
     for factors in list_factors_of_peak_signs_that_reach_wish_or_largest_peak(designer, asked) {
         designer.set_factors_of_targets(&factors);
-        let Some((built, travel_limit)) = build_click_within_travel_and_get_limiting_actuator(designer, asked) else {
+        let Some((built, travel_limit)) = build_click_within_travel_and_limiting_actuator_if_solved(designer, asked)
+        else {
             continue;
         };
-        let measures = built.motion.mean_acceleration.iter().map(|means| measure_click(&felt_motion_from_means(means)));
+        let measures = built
+            .motion
+            .mean_acceleration
+            .iter()
+            .map(|means| measure_click(&filter_quarter_ms_means_to_felt_motion_at_16_khz(means)));
         let is_good = |(own, wish): (ClickMeasures, &f64)| {
             own.peak >= REACHED * wish && designer.options.is_motion_crisp(&own.shift_times_to_count_from_burst_start())
         };
@@ -251,7 +268,7 @@ pub fn simulate_felt_acceleration_of_windows_m_per_s2(
     windows: &[ClickWindow],
 ) -> Vec<Vec<f64>> {
     let motion = simulate_windows(table, poles, shapes, windows);
-    motion.mean_acceleration.iter().map(|means| felt_motion_from_means(means)).collect()
+    motion.mean_acceleration.iter().map(|means| filter_quarter_ms_means_to_felt_motion_at_16_khz(means)).collect()
 }
 
 #[expect(clippy::cast_precision_loss, reason = "some thousand samples")]

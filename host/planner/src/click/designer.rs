@@ -5,7 +5,7 @@ mod rails;
 
 use self::pushes::{ChosenPushes, SlotPush, WHOLE};
 use super::actuator::ClickActuator;
-use super::felt::{SAMPLE_S, felt_motion_from_means};
+use super::felt::{SAMPLE_S, filter_quarter_ms_means_to_felt_motion_at_16_khz};
 use super::measures::{ClickMeasures, measure_click};
 use super::motion::{WindowMotion, simulate_windows};
 use super::options::{ClickOptions, Preference};
@@ -124,8 +124,10 @@ impl ClickDesigner<'_> {
         }
         let crisp_s = self.options.crisp_s - SPARE_S;
         let is_strong_and_crisp = |found: &JudgedClick| found.is_crisp && found.peak >= STRONG_ENOUGH;
-        let soon = self
-            .choose_pushes(asked, motion_bounds_if_peak_precedes_quiet(PEAKS_S[0], SOON_QUIET_S.min(crisp_s), CRISP));
+        let soon = self.choose_least_force_pushes_for_asked_or_largest_reachable_peak(
+            asked,
+            motion_bounds_if_peak_precedes_quiet(PEAKS_S[0], SOON_QUIET_S.min(crisp_s), CRISP),
+        );
         let soon = soon.filter(|chosen| chosen.reached >= STRONG_ENOUGH);
         let soon = soon.and_then(|chosen| {
             self.build_click_of_pushes_or_weaker_one_if_not_good(asked, chosen, is_strong_and_crisp)
@@ -133,8 +135,12 @@ impl ClickDesigner<'_> {
         if let Some(found) = soon.filter(is_strong_and_crisp) {
             return Some(found.built);
         }
-        let chosen =
-            |peak_s: f64| self.choose_pushes(asked, motion_bounds_if_peak_precedes_quiet(peak_s, crisp_s, CRISP));
+        let chosen = |peak_s: f64| {
+            self.choose_least_force_pushes_for_asked_or_largest_reachable_peak(
+                asked,
+                motion_bounds_if_peak_precedes_quiet(peak_s, crisp_s, CRISP),
+            )
+        };
         let mut crisp: Vec<ChosenPushes> = PEAKS_S.into_iter().filter_map(chosen).collect();
         // The earlier peak is preferred to one that is hardly stronger.
         crisp.sort_by(|a, b| b.reached.min(NEARLY_WHOLE).total_cmp(&a.reached.min(NEARLY_WHOLE)));
@@ -158,9 +164,10 @@ impl ClickDesigner<'_> {
         }
         let least = best.as_ref().filter(|best| best.is_crisp).map_or(0.0, |best| WORTH_RINGING * best.peak);
         for after in LESS_CRISP {
-            let Some(chosen) =
-                self.choose_pushes(asked, motion_bounds_if_peak_precedes_quiet(PEAKS_S[0], crisp_s, after))
-            else {
+            let Some(chosen) = self.choose_least_force_pushes_for_asked_or_largest_reachable_peak(
+                asked,
+                motion_bounds_if_peak_precedes_quiet(PEAKS_S[0], crisp_s, after),
+            ) else {
                 continue;
             };
             let is_stronger = |peak: f64| peak >= least && best.as_ref().is_none_or(|best| peak > best.peak);
@@ -212,7 +219,7 @@ impl ClickDesigner<'_> {
     /// The click of chosen pushes: with the rails where they stand, or, if that click is worse than it need be, with those that it needs.
     fn build_corrected_click_of_pushes_and_judge_it(&self, asked: f64, chosen: ChosenPushes) -> Option<JudgedClick> {
         let least = self.choose_least_rail_voltages(&chosen.pushes);
-        let standing = self.keep_standing_rails_if_high_enough(&chosen.pushes, least);
+        let standing = self.use_present_rail_voltages_where_suitable_else_given(&chosen.pushes, least);
         if standing.map(f64::to_bits) == least.map(f64::to_bits) {
             return self.build_corrected_click_at_rails_and_judge_it(asked, chosen, &least);
         }
@@ -276,7 +283,10 @@ impl ClickDesigner<'_> {
     /// The felt acceleration of every target, multiplied so that its wish is that of the first.
     fn list_felt_acceleration_of_each_target_scaled_to_first_wish(&self, motion: &WindowMotion) -> Vec<Vec<f64>> {
         let multiply = |(means, target): (&Vec<f64>, &TargetResponses)| {
-            felt_motion_from_means(means).into_iter().map(|felt| target.factor * felt).collect()
+            filter_quarter_ms_means_to_felt_motion_at_16_khz(means)
+                .into_iter()
+                .map(|felt| target.factor * felt)
+                .collect()
         };
         motion.mean_acceleration.iter().zip(&self.targets).map(multiply).collect()
     }
@@ -303,10 +313,10 @@ impl ClickDesigner<'_> {
             })
         };
         let windows: Vec<ClickWindow> = pushes.iter().filter_map(window).collect();
-        self.build_from_windows(windows, (saturated, lacks))
+        self.build_click_of_windows_and_simulate_motion(windows, (saturated, lacks))
     }
 
-    fn build_from_windows(
+    fn build_click_of_windows_and_simulate_motion(
         &self,
         windows: Vec<ClickWindow>,
         (saturated, lacks): (Vec<(usize, Limit)>, Lacks),
@@ -319,7 +329,7 @@ impl ClickDesigner<'_> {
     pub fn scale_force_of_built_click(&self, built: &BuiltClick, part: f64) -> BuiltClick {
         let mut windows = built.windows.clone();
         windows.iter_mut().for_each(|window| window.voltage_v = (window.voltage_v * part.sqrt()).floor());
-        self.build_from_windows(windows, (built.saturated.clone(), built.lacks))
+        self.build_click_of_windows_and_simulate_motion(windows, (built.saturated.clone(), built.lacks))
     }
 
     /// The actuator whose mass goes furthest beyond its limit, and by which factor, if any does.

@@ -165,13 +165,13 @@ impl DualSimplex {
             let bounds = self.variables[variable];
             let value = self.values[variable];
             let other = if value <= bounds.lower { bounds.upper } else { bounds.lower };
-            self.move_column_to(column, other);
+            self.set_value_of_column_variable_and_update_rows(column, other);
         }
         Some(chosen)
     }
 
     /// Gives the variable of a column another value; those of the rows follow.
-    fn move_column_to(&mut self, column: usize, value: f64) {
+    fn set_value_of_column_variable_and_update_rows(&mut self, column: usize, value: f64) {
         let variable = self.columns[column];
         let moved = value - self.values[variable];
         self.values[variable] = value;
@@ -188,7 +188,7 @@ impl DualSimplex {
         let pivot = self.tableau[row * width + column];
         let moved = (self.values[leaving] - target) / pivot;
         let entered = self.values[entering] + moved;
-        self.move_column_to(column, entered);
+        self.set_value_of_column_variable_and_update_rows(column, entered);
         self.values[leaving] = target;
         let mut pivot_row: Vec<f64> =
             self.tableau[row * width..(row + 1) * width].iter().map(|own| own / pivot).collect();

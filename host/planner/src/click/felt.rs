@@ -66,19 +66,23 @@ pub fn weigh_spectrum_and_transform_to_felt_record(spectrum: impl Iterator<Item 
 /// The felt part of a motion whose mean over each [`SAMPLE_S`] is given, as [`FINE_RECORD`] samples at the times 0, 1/16 ms, ...; the mean over
 /// the whole record is left out.
 #[must_use]
-pub fn felt_motion_from_means(means: &[f64]) -> Vec<f64> {
-    motion_from_means(means, LAST_LINE, weigh_frequency)
+pub fn filter_quarter_ms_means_to_felt_motion_at_16_khz(means: &[f64]) -> Vec<f64> {
+    filter_quarter_ms_means_and_resample_to_16_khz(means, LAST_LINE, weigh_frequency)
 }
 
 /// The same of all that is below 1 kHz, as an accelerometer shows it.
 #[must_use]
-pub fn motion_below_1_khz_from_means(means: &[f64]) -> Vec<f64> {
-    motion_from_means(means, LAST_SHOWN_LINE, |_| 1.0)
+pub fn filter_quarter_ms_means_to_motion_below_1_khz_at_16_khz(means: &[f64]) -> Vec<f64> {
+    filter_quarter_ms_means_and_resample_to_16_khz(means, LAST_SHOWN_LINE, |_| 1.0)
 }
 
-fn motion_from_means(means: &[f64], last_line: usize, weigh: impl Fn(f64) -> f64) -> Vec<f64> {
+fn filter_quarter_ms_means_and_resample_to_16_khz(
+    means: &[f64],
+    last_line: usize,
+    weigh: impl Fn(f64) -> f64,
+) -> Vec<f64> {
     let mut fine = vec![Complex64::ZERO; FINE_RECORD / 2 + 1];
-    let lines = spectral_lines_from_means(means, last_line);
+    let lines = spectral_lines_from_quarter_ms_means(means, last_line);
     for ((place, line), hz) in fine.iter_mut().skip(1).zip(lines).zip(1_u32..) {
         *place = line * weigh(f64::from(hz));
     }
@@ -87,7 +91,7 @@ fn motion_from_means(means: &[f64], last_line: usize, weigh: impl Fn(f64) -> f64
 
 /// The lines of a motion whose mean over each [`SAMPLE_S`] is given, at 1, 2, ... Hz up to `last_line`: half the amplitude of each frequency.
 #[must_use]
-pub fn spectral_lines_from_means(means: &[f64], last_line: usize) -> Vec<Complex64> {
+pub fn spectral_lines_from_quarter_ms_means(means: &[f64], last_line: usize) -> Vec<Complex64> {
     list_spectral_lines(means, &*TRANSFORMS.to_lines, last_line)
 }
 
@@ -97,7 +101,7 @@ pub fn spectral_lines_from_means(means: &[f64], last_line: usize) -> Vec<Complex
 /// 0.3 % or less is left.
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "five steps")]
-pub fn spectral_lines_from_steps(steps: &[f64], last_line: usize) -> Vec<Complex64> {
+pub fn spectral_lines_from_25_us_step_means(steps: &[f64], last_line: usize) -> Vec<Complex64> {
     const WIDTH: usize = STEPS_OF_FORCE_SAMPLE;
     let mut smooth = steps.to_vec();
     for _ in 0..3 {
@@ -167,7 +171,7 @@ mod tests {
                 .map(|k| f64::from(k) * SAMPLE_S)
                 .map(|t| (integral(t + SAMPLE_S) - integral(t)) / SAMPLE_S)
                 .collect();
-            let found = felt_motion_from_means(&means);
+            let found = filter_quarter_ms_means_to_felt_motion_at_16_khz(&means);
             for (k, found) in (0..16_000).zip(found) {
                 let expected = felt * (TAU * hz * f64::from(k) / 16e3).sin();
                 assert!((found - expected).abs() < 1e-9, "{hz} Hz, sample {k}: {found} {expected}");
@@ -186,7 +190,7 @@ mod tests {
                 (to_s.min(begin_s + step_s) - from_s.max(begin_s)).max(0.0) / step_s
             };
             let steps: Vec<f64> = (0..900).map(mean).collect();
-            let lines = spectral_lines_from_steps(&steps, 1000);
+            let lines = spectral_lines_from_25_us_step_means(&steps, 1000);
             for (line, hz) in lines.iter().zip(1_u32..) {
                 let turn = TAU * f64::from(hz);
                 let expected =

@@ -136,13 +136,13 @@ impl ForceProgram<'_> {
 
     /// The forces that miss the bounds least at this part of the peak.
     #[must_use]
-    pub fn find_forces_with_least_excess(&self, peak: f64) -> Option<SolvedForces> {
+    pub fn find_forces_exceeding_bounds_least_at_peak_fraction(&self, peak: f64) -> Option<SolvedForces> {
         self.solve(Goal::Excess { peak })
     }
 
     /// Felt acceleration of a target on a panel, as a part of what is asked for, sample by sample.
     #[must_use]
-    pub fn acceleration_of_target_over_asked_peak(
+    pub fn acceleration_of_target_divided_by_asked_peak(
         &self,
         target: &TargetResponses,
         panel: usize,
@@ -217,7 +217,7 @@ impl ForceProgram<'_> {
                 Goal::Peak { .. } => *reached,
                 Goal::Excess { peak } => peak * (1.0 + reached),
             };
-            let mut broken = self.list_broken_bounds(values, scale);
+            let mut broken = self.list_locally_most_exceeded_bounds_with_excess(values, scale);
             if broken.is_empty() {
                 let is_tight = |(row, _): &(usize, &SampleBound)| simplex.is_row_tight(row + self.targets.len());
                 let tight = added.iter().enumerate().filter(is_tight).map(|(_, bound)| *bound).collect();
@@ -256,13 +256,13 @@ impl ForceProgram<'_> {
     }
 
     /// The bounds that are broken most in their neighbourhood, if the peak is `scale`, and by how much.
-    fn list_broken_bounds(&self, values: &[f64], scale: f64) -> Vec<(f64, SampleBound)> {
+    fn list_locally_most_exceeded_bounds_with_excess(&self, values: &[f64], scale: f64) -> Vec<(f64, SampleBound)> {
         let mut broken = Vec::new();
         let numbered = self.targets.iter().enumerate();
         for (target, own, panel) in
             numbered.flat_map(|(i, own)| (0..own.panels.len()).map(move |panel| (i, own, panel)))
         {
-            let motion = self.acceleration_of_target_over_asked_peak(own, panel, values);
+            let motion = self.acceleration_of_target_divided_by_asked_peak(own, panel, values);
             let excess = |sample: usize| {
                 let allowed = self.bounds.allowed_fraction(panel, sample);
                 motion.get(sample).map_or(f64::NEG_INFINITY, |motion| motion.abs() / allowed - scale)

@@ -22,7 +22,7 @@ pub fn narrowest_window_s() -> f64 {
 /// Integral in s of the squared voltage of an electrode, as a part of the rail's, over a window of `width_s` and what follows it. The electrode
 /// begins and ends discharged.
 #[must_use]
-pub fn integrate_squared_voltage_of_window_s(times: ChargingTimes, width_s: f64) -> f64 {
+pub fn integrate_squared_relative_voltage_of_window_s(times: ChargingTimes, width_s: f64) -> f64 {
     let ChargingTimes { rise_s, hold_s, fall_s } = times;
     let left = if rise_s > 0.0 { (-width_s / rise_s).exp() } else { 0.0 };
     let risen = width_s - 2.0 * rise_s * (1.0 - left) + 0.5 * rise_s * (1.0 - left * left);
@@ -32,11 +32,15 @@ pub fn integrate_squared_voltage_of_window_s(times: ChargingTimes, width_s: f64)
 /// Width in s, up to [`WIDEST_S`], of the window whose integral is this part of that of the widest.
 #[must_use]
 pub fn find_window_width_for_force_fraction_s(times: ChargingTimes, part_of_widest: f64) -> f64 {
-    let wanted_s = part_of_widest * integrate_squared_voltage_of_window_s(times, WIDEST_S);
+    let wanted_s = part_of_widest * integrate_squared_relative_voltage_of_window_s(times, WIDEST_S);
     let (mut low, mut high) = (0.0, WIDEST_S);
     for _ in 0..WIDTH_HALVINGS {
         let middle = 0.5 * (low + high);
-        *(if integrate_squared_voltage_of_window_s(times, middle) < wanted_s { &mut low } else { &mut high }) = middle;
+        *(if integrate_squared_relative_voltage_of_window_s(times, middle) < wanted_s {
+            &mut low
+        } else {
+            &mut high
+        }) = middle;
     }
     high
 }
@@ -68,13 +72,13 @@ mod tests {
                     let on_s = (from_s < width_s).then(|| (0.0, step_s.min(width_s - from_s)));
                     sum_s += electrode.advance_step_and_get_mean_square_v2(times, 1.0, on_s, step_s) * step_s;
                 }
-                let found_s = integrate_squared_voltage_of_window_s(times, width_s);
+                let found_s = integrate_squared_relative_voltage_of_window_s(times, width_s);
                 assert!((found_s - sum_s).abs() < 1e-9, "{times:?} {width_s}: {found_s} {sum_s}");
             }
             for part in [0.05, 0.4, 1.0] {
                 let width_s = find_window_width_for_force_fraction_s(times, part);
-                let found = integrate_squared_voltage_of_window_s(times, width_s)
-                    / integrate_squared_voltage_of_window_s(times, WIDEST_S);
+                let found = integrate_squared_relative_voltage_of_window_s(times, width_s)
+                    / integrate_squared_relative_voltage_of_window_s(times, WIDEST_S);
                 assert!((found - part).abs() < 1e-4 && width_s <= WIDEST_S, "{times:?} {part}: {found}");
             }
         }

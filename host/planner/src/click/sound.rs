@@ -8,7 +8,7 @@
 //! pairs of mean(conj(a_i) a_j) conj(F_i) F_j. These means are worked out once for a panel, at every line. A record of 1 s begins again at its end:
 //! the figures are those of a click once a second.
 
-use super::felt::{LAST_LINE, LAST_SHOWN_LINE, spectral_lines_from_steps, weigh_frequency};
+use super::felt::{LAST_LINE, LAST_SHOWN_LINE, spectral_lines_from_25_us_step_means, weigh_frequency};
 use super::places::CellMiddles;
 use crate::PlanTable;
 use crate::physics::PerPair;
@@ -55,7 +55,7 @@ pub fn compute_click_sound_and_contrast_db_if_anything_moves(
 ) -> Option<SurfaceFigures> {
     let products = get_or_compute_mean_acceleration_products_of_cells(table, poles);
     let forces: Vec<Vec<Complex64>> =
-        forces_n.iter().map(|steps| spectral_lines_from_steps(steps, LAST_SHOWN_LINE)).collect();
+        forces_n.iter().map(|steps| spectral_lines_from_25_us_step_means(steps, LAST_SHOWN_LINE)).collect();
     let line_of = |forces: &Vec<Complex64>, line: usize| forces.get(line).copied().unwrap_or(Complex64::ZERO);
     let (mut velocity, mut elsewhere) = (0.0, 0.0);
     for ((line, products), hz) in products.iter().enumerate().zip((1_u32..).map(f64::from)) {
@@ -124,7 +124,7 @@ fn compute_mean_acceleration_products_of_cells_at_each_hz(table: &PlanTable, pol
 
 #[cfg(test)]
 mod tests {
-    use super::super::felt::{RECORD, SAMPLE_S, felt_motion_from_means};
+    use super::super::felt::{RECORD, SAMPLE_S, filter_quarter_ms_means_to_felt_motion_at_16_khz};
     use super::super::motion::{WindowMotion, simulate_windows};
     use super::super::window::ClickWindow;
     use super::*;
@@ -198,7 +198,7 @@ mod tests {
             let felt: Vec<f64> = motion
                 .mean_acceleration
                 .iter()
-                .map(|means| felt_motion_from_means(means).iter().map(|x| x * x).sum::<f64>())
+                .map(|means| filter_quarter_ms_means_to_felt_motion_at_16_khz(means).iter().map(|x| x * x).sum::<f64>())
                 .collect();
             #[expect(clippy::cast_precision_loss, reason = "24 places")]
             let count = places as f64;

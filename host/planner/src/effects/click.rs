@@ -5,7 +5,7 @@
 //! free motion of one pole, amplitude and phase, goes to nothing. Which number and length of levels is best depends on
 //! damping and frequencies: the one after which the targets are quiet soonest is taken.
 
-use super::motion::{Channel, sample_motion_of_all_levels_and_step_s};
+use super::motion::{Channel, sample_motion_under_level_of_each_period_and_get_step_s};
 use crate::physics::rise::TransientResponse;
 use era_shared::waveform::{FULL_LEVEL, Segment};
 use num_complex::Complex64;
@@ -69,7 +69,8 @@ fn last_time_any_target_is_not_quiet_s(
     let levels = segments.iter().flat_map(list_level_of_each_cycle_or_none_if_ramp_or_hold);
     let forces: Vec<f64> = levels.map(|level| channel.force_fraction_of_level(level)).collect();
     let last = |(ringing, quiet): &(TransientResponse, f64)| {
-        let (samples, step_s) = sample_motion_of_all_levels_and_step_s(ringing, &forces, channel.period_s(), LOOK_S);
+        let (samples, step_s) =
+            sample_motion_under_level_of_each_period_and_get_step_s(ringing, &forces, channel.period_s(), LOOK_S);
         samples.iter().rposition(|x| x.abs() > *quiet).map_or(0.0, |i| i as f64 * step_s)
     };
     responses_and_quiet_levels.iter().map(last).fold(0.0, f64::max)
@@ -186,7 +187,8 @@ mod tests {
     fn a_mode_is_stopped() {
         for (hz, ratio) in [(150.0, 0.01), (150.0, 0.04), (165.0, 0.02), (120.0, 0.02)] {
             let (ringing, period_s) = (mode(hz, ratio, 150.0), 1.0 / 150.0);
-            let (samples, _) = sample_motion_of_all_levels_and_step_s(&ringing, &[1.0; 3], period_s, 0.0);
+            let (samples, _) =
+                sample_motion_under_level_of_each_period_and_get_step_s(&ringing, &[1.0; 3], period_s, 0.0);
             let quiet = 0.1 * samples.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
             let targets = [(ringing, quiet)];
             let ideal = make_channel_with_charging_times(ChargingTimes::default());

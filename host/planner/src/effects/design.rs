@@ -21,10 +21,11 @@ use super::quiet::{QUIET_FOR_S, quiet_start_index_unless_always_or_never_quiet};
 use super::supply::{derate_drives_to_supply_current_if_exceeded, highest_voltage_needed_on_rail_of_actuator_v};
 use super::travel::{TravelOutcome, derate_drives_to_travel_limits};
 use crate::click::measures::measure_motion;
-use crate::drive::{Drive, SiDrive, assign_channels};
+use crate::drive::{Drive, SiDrive, assign_channels_in_order_of_drives};
 use crate::motion::plan_motion::{EffectForce, PlanMotion};
 use crate::motion::plan_motion::{
-    build_motion_of_effect_with_known_travel_if_poles_known, build_motion_of_windows_with_known_travel_if_poles_known,
+    build_motion_of_effect_with_known_travel_if_poles_known,
+    build_motion_of_voltage_windows_with_known_travel_if_poles_known,
 };
 use crate::physics::limits::Electrodes;
 use crate::physics::rise::PanelPoles;
@@ -144,7 +145,7 @@ impl EffectDesign {
         travel_m.iter_mut().zip(&self.travel_m).for_each(|(travel, known)| *travel = *known);
         if !self.windows.is_empty() {
             let windows = self.windows.iter().map(|window| (window.channel, window.voltage_v));
-            return build_motion_of_windows_with_known_travel_if_poles_known(
+            return build_motion_of_voltage_windows_with_known_travel_if_poles_known(
                 table,
                 windows,
                 &self.pole_amplitudes,
@@ -172,7 +173,7 @@ impl EffectDesign {
     /// Its drives with their channels: actuator i of the scene is on channel i of the board.
     #[must_use]
     pub fn drives_with_board_channels(&self) -> Vec<SiDrive> {
-        assign_channels(self.drives.iter().map(|designed| &designed.drive))
+        assign_channels_in_order_of_drives(self.drives.iter().map(|designed| &designed.drive))
     }
 }
 
@@ -186,7 +187,10 @@ pub fn design_effect(
     plan: &Plan,
     request: EffectRequest,
 ) -> Result<EffectDesign, DesignError> {
-    let (shape, fixed) = (request.check_and_choose_shape()?, request.build_envelope()?);
+    let (shape, fixed) = (
+        request.check_parameters_and_choose_clicks_or_fixed_envelope()?,
+        request.build_envelope_or_plain_push_if_click()?,
+    );
     design_effect_of_clicks_or_fixed_envelope(table, rise, plan, (request.effect, shape, fixed))
 }
 
@@ -194,7 +198,7 @@ pub fn design_effect(
 ///
 /// # Errors
 /// [`DesignError`].
-pub fn design_envelope(
+pub fn design_effect_with_given_envelope(
     table: &PlanTable,
     rise: &PanelPoles,
     plan: &Plan,
@@ -221,7 +225,7 @@ fn design_effect_of_clicks_or_fixed_envelope(
                 _ => count_periods_of_repetition(period_ms, frequency_hz).saturating_sub(1).max(1),
             };
             let (pushes, reaches) =
-                raise_drives_and_get_push_cycles_and_are_wishes_met(&mut effect_drives, &wanted, most_cycles);
+                raise_drives_together_to_target_wishes_with_shortest_push(&mut effect_drives, &wanted, most_cycles);
             // A click may reach what the steady plan could not, and the other way round.
             limits.clear();
             let all = |segments: &[Vec<Segment>]| -> Vec<Effect> {
@@ -305,7 +309,9 @@ fn design_effect_of_clicks_or_fixed_envelope(
                 1.0,
             );
             match electrodes.filter(|own| !own.charging.is_instant() && force_n > 0.0 && rail_v > voltage_v) {
-                Some(electrodes) => narrow_windows_for_rail(designed, part.channel, electrodes, rail_v),
+                Some(electrodes) => {
+                    narrow_windows_to_keep_force_at_higher_rail_voltage(designed, part.channel, electrodes, rail_v)
+                }
                 None => designed,
             }
         })
@@ -333,7 +339,7 @@ pub(super) fn build_full_level_channel_for_drive(actuator: usize, drive: &Drive,
 
 /// The same forces at the voltage of a rail that stands higher, with narrower windows: the board would narrow them as electrodes that charge
 /// at once need it. The levels are those of the narrower windows.
-fn narrow_windows_for_rail(
+fn narrow_windows_to_keep_force_at_higher_rail_voltage(
     designed: DesignedDrive,
     wide: Channel,
     electrodes: &Electrodes,
@@ -365,7 +371,7 @@ fn limitation_if_drive_at_max_force(table: &PlanTable, drive: &EffectDrive) -> O
 
 /// Raises the drives in proportion until every target reaches its wish, with the shortest push that does, of at most `most_cycles` of each drive's
 /// frequency. Returns the number of cycles of each drive's push, and whether the wishes are reached.
-fn raise_drives_and_get_push_cycles_and_are_wishes_met(
+fn raise_drives_together_to_target_wishes_with_shortest_push(
     effect_drives: &mut [EffectDrive],
     wanted_m_per_s2: &[f64],
     most_cycles: impl Fn(f64) -> u16,
@@ -543,7 +549,7 @@ fn predict_peak_and_quiet_time_at_first_target(
         best_possible_g: None,
         pulse_ms: measures.map(|own| 1e3 * own.pulse_s),
         pulse_to_ring_db: measures.and_then(|own| own.pulse_to_ring_db),
-        sharpness_db_per_ms: measures.and_then(|own| own.sharpness_db_per_ms()),
+        sharpness_db_per_ms: measures.and_then(|own| own.sharpness_db_per_ms_if_pulse_to_ring_ratio_known()),
         contrast_db: None,
         sound_db: None,
     }

@@ -129,11 +129,11 @@ pub struct PeakMeanAndRange {
 /// The peaks of the sum of all drives, over the offsets between their cycles.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "counts")]
 pub fn find_mean_least_and_most_peak_over_cycle_offsets(
-    accelerations_per_n_at_each_hz_with_poles_scaled_by: &[Vec<f64>],
+    accelerations_per_n_of_each_drive: &[Vec<f64>],
     effect_drives: &[EffectDrive],
     force_n: impl Fn(&EffectDrive) -> f64,
 ) -> PeakMeanAndRange {
-    let moving: Vec<(&Vec<f64>, &EffectDrive, f64)> = accelerations_per_n_at_each_hz_with_poles_scaled_by
+    let moving: Vec<(&Vec<f64>, &EffectDrive, f64)> = accelerations_per_n_of_each_drive
         .iter()
         .zip(effect_drives)
         .map(|(s, part)| (s, part, force_n(part)))
@@ -143,7 +143,7 @@ pub fn find_mean_least_and_most_peak_over_cycle_offsets(
     let each = (1..=OFFSETS).rev().find(|n| n.pow(drives) <= MOST_OFFSETS).unwrap_or(1);
     let combinations = each.pow(drives);
     let mut peak = PeakMeanAndRange { mean: 0.0, least: f64::INFINITY, most: 0.0 };
-    let mut sum = vec![0.0; accelerations_per_n_at_each_hz_with_poles_scaled_by.first().map_or(0, Vec::len)];
+    let mut sum = vec![0.0; accelerations_per_n_of_each_drive.first().map_or(0, Vec::len)];
     for combination in 0..combinations {
         sum.fill(0.0);
         let mut rest = combination;

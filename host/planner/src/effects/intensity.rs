@@ -164,7 +164,10 @@ mod tests {
     #[test]
     fn a_level_is_met() {
         let scene = Scene::parse("plate", STARTING_PLATE).unwrap();
-        let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
+        let model = PanelModel::build(&scene, Accuracy::FAST, 400.0)
+            .unwrap()
+            .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+            .unwrap();
         let table = PlanTable::build(&scene, model, TableOptions::default()).unwrap();
         let rise = PanelPoles::find_poles_if_converged(&table.model);
         for (x_m, y_m, db) in [(0.05, 0.04, 12.0), (0.15, 0.1, 20.0), (0.28, 0.02, 6.0)] {

@@ -22,7 +22,7 @@ pub mod view;
 mod weaker;
 pub mod windows;
 
-pub use design::{EffectDesign, design_effect, design_envelope};
+pub use design::{EffectDesign, design_effect, design_effect_with_given_envelope};
 pub use effect_window::EffectWindow;
 pub use error::DesignError;
 pub use intensity::{
@@ -30,4 +30,6 @@ pub use intensity::{
 };
 pub use named::{EffectError, EffectRequest, NamedEffect};
 pub use sampled::sample_acceleration_of_design_unless_undamped_m_per_s2;
-pub use windows::{design_effect_of_windows_if_click_else_of_drives, is_click_of_windows};
+pub use windows::{
+    design_effect_of_windows_if_click_else_of_drives, is_click_for_up_to_three_targets_without_quiet_zones,
+};

@@ -219,7 +219,7 @@ fn add_waves_and_ringing_of_level_steps(waves: &mut [HarmonicWave<'_>], period_s
     clippy::cast_sign_loss,
     reason = "counts of samples"
 )]
-pub fn sample_motion_of_all_levels_and_step_s(
+pub fn sample_motion_under_level_of_each_period_and_get_step_s(
     ringing: &TransientResponse,
     levels: &[f64],
     period_s: f64,

@@ -205,7 +205,7 @@ impl EffectRequest {
     ///
     /// # Errors
     /// [`EffectError`].
-    pub fn check_and_choose_shape(&self) -> Result<Shape, EffectError> {
+    pub fn check_parameters_and_choose_clicks_or_fixed_envelope(&self) -> Result<Shape, EffectError> {
         let (_, _, period_ms) = self.check_or_default_duration_count_and_period()?;
         Ok(match self.effect {
             NamedEffect::Click => Shape::Clicks { count: 1, period_ms: 0 },
@@ -218,7 +218,7 @@ impl EffectRequest {
     ///
     /// # Errors
     /// [`EffectError`].
-    pub fn build_envelope(&self) -> Result<Effect, EffectError> {
+    pub fn build_envelope_or_plain_push_if_click(&self) -> Result<Effect, EffectError> {
         let (duration_ms, count, period_ms) = self.check_or_default_duration_count_and_period()?;
         let hold = |level, ms: f64| Segment::Hold { level, milliseconds: round_to_u16(ms) };
         let ramp = |from, to, ms: f64| Segment::Ramp { from, to, milliseconds: round_to_u16(ms) };
@@ -275,14 +275,15 @@ mod tests {
         use clap::ValueEnum;
         for effect in NamedEffect::value_variants() {
             let request = EffectRequest::with_defaults(*effect);
-            assert!(request.build_envelope().unwrap().is_valid(), "{effect:?}");
+            assert!(request.build_envelope_or_plain_push_if_click().unwrap().is_valid(), "{effect:?}");
             assert!(effect.to_possible_value().unwrap().get_name() == effect.name());
         }
     }
 
     #[test]
     fn defaults_are_what_the_board_takes() {
-        let lasts = |request: EffectRequest| effect_duration_s(&request.build_envelope().unwrap(), 5e-3);
+        let lasts =
+            |request: EffectRequest| effect_duration_s(&request.build_envelope_or_plain_push_if_click().unwrap(), 5e-3);
         let of = EffectRequest::with_defaults;
         assert!((lasts(of(NamedEffect::Swell)) - 0.5).abs() < 1e-9);
         assert!((lasts(of(NamedEffect::PulseTrain)) - 0.3).abs() < 1e-9);
@@ -331,8 +332,8 @@ mod tests {
             ),
         ];
         for (request, text) in cases {
-            assert_eq!(request.build_envelope().unwrap_err().to_string(), text);
-            assert_eq!(request.check_and_choose_shape().unwrap_err().to_string(), text);
+            assert_eq!(request.build_envelope_or_plain_push_if_click().unwrap_err().to_string(), text);
+            assert_eq!(request.check_parameters_and_choose_clicks_or_fixed_envelope().unwrap_err().to_string(), text);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::effect_drive::EffectDrive;
 use crate::PlanTable;
-use crate::physics::limits::{Electrodes, Limit, max_mean_supply_current_a, mean_supply_current_a};
+use crate::physics::limits::{Electrodes, Limit, max_mean_supply_current_a, mean_supply_current_with_bleeders_a};
 use era_shared::supply::rail_index_of_channel;
 
 /// Derates all drives until together they draw no more than the supply delivers continuously: pushes of some cycles
@@ -28,7 +28,7 @@ fn mean_supply_current_of_effect_a(electrodes: &[Electrodes], effect_drives: &[E
         let volts = highest_voltage_needed_on_rail_of_actuator_v(electrodes, effect_drives, actuator, 1.0);
         (actuator, volts, part.channel.frequency_hz)
     });
-    mean_supply_current_a(electrodes, charged)
+    mean_supply_current_with_bleeders_a(electrodes, charged)
 }
 
 /// Voltage in V across an actuator's gap for forces times `force_scale`: the highest one that a drive on its rail needs.
@@ -64,7 +64,10 @@ mod tests {
     fn touch() -> (PlanTable, Vec<EffectDrive>) {
         let scene = Scene::parse("plate", STARTING_PLATE).unwrap();
         let options = TableOptions { from_hz: 330.0, to_hz: 400.0, step_hz: 2.0 };
-        let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
+        let model = PanelModel::build(&scene, Accuracy::FAST, 400.0)
+            .unwrap()
+            .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+            .unwrap();
         let table = PlanTable::build(&scene, model, options).unwrap();
         let plan = table.plan(&[Target { x_m: 0.1, y_m: 0.1, intensity_g: Some(0.02) }]).unwrap();
         let effect_drives = build_effect_drives(&table, table.panel_poles().unwrap(), &plan).unwrap();

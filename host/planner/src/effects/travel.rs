@@ -81,7 +81,11 @@ pub fn derate_drives_to_travel_limits(
     let rest = rise.build_stepper(&rows, TRAVEL_STEP_S);
     let counted_n_per_m: Vec<f64> = table.scene.actuators.iter().map(Actuator::softening_n_per_m).collect();
     let most = OFFSETS.pow(u32::try_from(effect_drives.len().saturating_sub(1)).unwrap_or(0));
-    let combinations = if shortened.has_drive_longer_than_least_cut(effect_drives) { most.min(OFFSETS) } else { most };
+    let combinations = if shortened.does_any_drive_last_longer_than_minimum_shortened_time(effect_drives) {
+        most.min(OFFSETS)
+    } else {
+        most
+    };
     // How far the masses go, or the first limit that is broken, if any is.
     let tried = |scale: f64| -> Result<Vec<f64>, (usize, Limit)> {
         let mut largest_m = vec![0.0_f64; table.electrodes.len()];
@@ -194,7 +198,7 @@ impl ShortenedDrives {
     }
 
     #[expect(clippy::cast_precision_loss, reason = "small counts")]
-    fn has_drive_longer_than_least_cut(&self, effect_drives: &[EffectDrive]) -> bool {
+    fn does_any_drive_last_longer_than_minimum_shortened_time(&self, effect_drives: &[EffectDrive]) -> bool {
         self.levels
             .iter()
             .zip(effect_drives)
@@ -393,7 +397,10 @@ mod tests {
         for damping in ["0.05", "1.1"] {
             let text = EXAMPLE_BAR.replace("damping_n_s_per_m = 1.1", &format!("damping_n_s_per_m = {damping}"));
             let scene = Scene::parse("bar", &text).unwrap();
-            let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
+            let model = PanelModel::build(&scene, Accuracy::FAST, 400.0)
+                .unwrap()
+                .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+                .unwrap();
             let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
             let table = PlanTable::build(&scene, model, options).unwrap();
             let rise = PanelPoles::find_poles_if_converged(&table.model).unwrap();
@@ -410,7 +417,7 @@ mod tests {
                 let count = (effect == NamedEffect::PulseTrain).then_some(40);
                 let duration_ms = (effect != NamedEffect::PulseTrain).then_some(6000.0);
                 let request = EffectRequest { count, duration_ms, ..EffectRequest::with_defaults(effect) };
-                let effects = vec![request.build_envelope().unwrap(); effect_drives.len()];
+                let effects = vec![request.build_envelope_or_plain_push_if_click().unwrap(); effect_drives.len()];
                 let shortened = ShortenedDrives::new(&table.electrodes, &effect_drives, &effects, &free);
                 let whole: Vec<Vec<f64>> = effect_drives
                     .iter()

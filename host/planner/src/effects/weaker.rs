@@ -6,7 +6,7 @@ impl EffectDesign {
     /// The same windows or segments at voltages that make the part `force_fraction`, 0 to 1, of the forces. The motion is taken as
     /// proportional to the forces: gaps that move less make it weaker by less than what the design counts for them.
     #[must_use]
-    pub fn weaken(&self, force_fraction: f64) -> Self {
+    pub fn scale_copy_to_force_fraction(&self, force_fraction: f64) -> Self {
         let part = force_fraction.clamp(0.0, 1.0);
         let mut weaker = self.clone();
         // A force is proportional to the square of its voltage.

@@ -28,12 +28,12 @@ pub fn design_effect_of_windows_if_click_else_of_drives(
     request: EffectRequest,
     options: ClickOptions,
 ) -> Result<EffectDesign, DesignError> {
-    if !is_click_of_windows(plan, request) {
+    if !is_click_for_up_to_three_targets_without_quiet_zones(plan, request) {
         return design_effect(table, rise, plan, request);
     }
-    request.check_and_choose_shape()?;
+    request.check_parameters_and_choose_clicks_or_fixed_envelope()?;
     let shape = |own: &&TargetResult| mode_shape_values_at_point_or_on_bar_axis(table, own.x_m, own.y_m);
-    let clicking = list_clicking_targets(plan);
+    let clicking = list_targets_that_want_motion_or_all_if_none(plan);
     let shapes: Vec<DVector<f64>> = clicking.iter().map(shape).collect();
     let wishes: Vec<f64> = clicking.iter().map(|own| own.wanted_g * STANDARD_GRAVITY).collect();
     let Some(click) = design_click_windows(table, rise, &shapes, &wishes, options) else {
@@ -53,15 +53,15 @@ pub fn design_effect_of_windows_if_click_else_of_drives(
 }
 
 /// The targets that are to feel something: a finger that rests with 0 g takes nothing from the click of another one. All, if none is.
-fn list_clicking_targets(plan: &Plan) -> Vec<&TargetResult> {
+fn list_targets_that_want_motion_or_all_if_none(plan: &Plan) -> Vec<&TargetResult> {
     let clicking: Vec<&TargetResult> = plan.targets.iter().filter(|own| own.wanted_g > 0.0).collect();
     if clicking.is_empty() { plan.targets.iter().collect() } else { clicking }
 }
 
 /// Whether an effect for a plan is a click of single windows on boards that play them.
 #[must_use]
-pub fn is_click_of_windows(plan: &Plan, request: EffectRequest) -> bool {
-    let fingers = list_clicking_targets(plan).len();
+pub fn is_click_for_up_to_three_targets_without_quiet_zones(plan: &Plan, request: EffectRequest) -> bool {
+    let fingers = list_targets_that_want_motion_or_all_if_none(plan).len();
     request.effect == NamedEffect::Click && (1..=MOST_FINGERS).contains(&fingers) && plan.quiet.is_empty()
 }
 
@@ -91,7 +91,7 @@ fn effect_from_click(table: &PlanTable, request: EffectRequest, click: ClickDesi
         best_possible_g: click.best_possible.map(|best| best / STANDARD_GRAVITY),
         pulse_ms: Some(1e3 * measures.pulse_s),
         pulse_to_ring_db: measures.pulse_to_ring_db,
-        sharpness_db_per_ms: measures.sharpness_db_per_ms(),
+        sharpness_db_per_ms: measures.sharpness_db_per_ms_if_pulse_to_ring_ratio_known(),
         contrast_db: click.surface.map(|surface| surface.contrast_db),
         sound_db: click.surface.map(|surface| surface.sound_db),
     };

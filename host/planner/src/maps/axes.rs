@@ -128,7 +128,7 @@ pub(super) fn draw_color_scale_right_of_frame<DB: DrawingBackend>(
 
 /// Colour of a part, 0 to 1, of a scale.
 #[expect(clippy::cast_possible_truncation, reason = "a colour")]
-pub(super) fn scale_color_at_fraction(fraction: f64) -> RGBColor {
+pub(super) fn viridis_color_at_fraction_of_scale(fraction: f64) -> RGBColor {
     ViridisRGB.get_color((((fraction.clamp(0.0, 1.0) * BANDS).floor() + 0.5) / (BANDS + 1.0)) as f32)
 }
 

@@ -155,7 +155,7 @@ fn write_map_png(
     let size = ((frame.right_px() + axes::SCALE).max(title_end), frame.bottom_px() + axes::BESIDE.1);
     write_png_picture(path, size, |area| {
         text::draw_text(area, (frame.left, 10), title, (Anchor::Start, TextDirection::Along), BLACK)?;
-        let color = |value: f64| axes::scale_color_at_fraction((value - range.0) / (range.1 - range.0));
+        let color = |value: f64| axes::viridis_color_at_fraction_of_scale((value - range.0) / (range.1 - range.0));
         map::draw_map(area, frame, scene, field, (range, unit), color)?;
         for (x_mm, y_mm) in crosses_mm {
             let at = map::pixel_of_place(frame, scene, *x_mm, *y_mm);

@@ -150,7 +150,7 @@ fn write_sheets_png(path: &Path, scene: &Scene, title: &str, rows: &[Vec<Sheet>]
                     SurfaceKind::Bar => draw_curves(area, frame, length * 1e3, sheet)?,
                     SurfaceKind::Plate => {
                         if let Some((_, field)) = sheet.fields.first() {
-                            let color = |value: f64| sheet_color(sheet, value);
+                            let color = |value: f64| sheet_color_red_if_below_weak_level(sheet, value);
                             map::draw_map(area, frame, scene, field, (sheet.range, sheet.unit), color)?;
                         }
                     }
@@ -163,7 +163,7 @@ fn write_sheets_png(path: &Path, scene: &Scene, title: &str, rows: &[Vec<Sheet>]
 
 /// Colour of a value: red below what counts as weak, the darker the weaker.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "parts of 255")]
-fn sheet_color(sheet: &Sheet, value: f64) -> RGBColor {
+fn sheet_color_red_if_below_weak_level(sheet: &Sheet, value: f64) -> RGBColor {
     let (from, to) = sheet.range;
     match sheet.weak_below {
         Some(level) if value < level * (1.0 - 1e-9) && level > from => {
@@ -171,7 +171,7 @@ fn sheet_color(sheet: &Sheet, value: f64) -> RGBColor {
             let part = (10.0 * part).floor() / 10.0;
             RGBColor((90.0 + 165.0 * part) as u8, (150.0 * part) as u8, (130.0 * part) as u8)
         }
-        _ => axes::scale_color_at_fraction((value - from) / (to - from)),
+        _ => axes::viridis_color_at_fraction_of_scale((value - from) / (to - from)),
     }
 }
 

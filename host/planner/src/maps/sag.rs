@@ -37,7 +37,9 @@ pub fn find_softest_place_under_steady_force(
     let (column, row) = (softest % columns, softest / columns);
     let beyond = |before: Option<usize>, after: Option<usize>| {
         let of = |p: Option<usize>| p.and_then(|p| m_per_n.get(p).copied()).filter(|yields| yields.is_finite());
-        of(before).zip(of(after)).map_or(0.0, |(before, after)| parabola_vertex_above_middle(before, most, after))
+        of(before)
+            .zip(of(after))
+            .map_or(0.0, |(before, after)| parabola_vertex_height_above_middle_value(before, most, after))
     };
     let along_x = beyond(column.checked_sub(1).map(|_| softest - 1), (column + 1 < columns).then_some(softest + 1));
     let along_y = beyond(softest.checked_sub(columns), (row + 1 < rows).then_some(softest + columns));
@@ -50,7 +52,7 @@ pub fn find_softest_place_under_steady_force(
 }
 
 /// By how much the top of a parabola through three equidistant values is above the middle one, the largest.
-fn parabola_vertex_above_middle(left_value: f64, middle: f64, right_value: f64) -> f64 {
+fn parabola_vertex_height_above_middle_value(left_value: f64, middle: f64, right_value: f64) -> f64 {
     let bend = 2.0 * middle - left_value - right_value;
     if bend > 0.0 { (right_value - left_value).powi(2) / (8.0 * bend) } else { 0.0 }
 }
@@ -62,7 +64,7 @@ mod tests {
     #[test]
     fn a_parabola_has_its_top_between_points() {
         let of = |x: f64| 7.0 - 3.0 * (x - 0.2) * (x - 0.2);
-        assert!((of(0.0) + parabola_vertex_above_middle(of(-1.0), of(0.0), of(1.0)) - 7.0).abs() < 1e-12);
-        assert!(parabola_vertex_above_middle(1.0, 1.0, 1.0).abs() < 1e-300);
+        assert!((of(0.0) + parabola_vertex_height_above_middle_value(of(-1.0), of(0.0), of(1.0)) - 7.0).abs() < 1e-12);
+        assert!(parabola_vertex_height_above_middle_value(1.0, 1.0, 1.0).abs() < 1e-300);
     }
 }

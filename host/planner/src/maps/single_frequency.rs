@@ -58,8 +58,8 @@ pub struct StrongestForAllAndEachPoint {
 
 /// How many amplitude ratios and phases are tried per frequency before refinement.
 #[must_use]
-pub fn count_trial_directions(actuators: usize, phases: Phases) -> usize {
-    list_trial_directions(actuators, phases).len()
+pub fn count_trial_force_ratios(actuators: usize, phases: Phases) -> usize {
+    list_trial_force_ratios(actuators, phases).len()
 }
 
 /// Searches all frequencies of a table over a view; `None` if no frequency is usable. The setting for all points at once is
@@ -71,13 +71,13 @@ pub fn strongest_for_all_and_each_point_if_frequencies_usable(
     measure: Measure,
     phases: Phases,
 ) -> Option<StrongestForAllAndEachPoint> {
-    let directions = list_trial_directions(table.electrodes.len(), phases);
+    let directions = list_trial_force_ratios(table.electrodes.len(), phases);
     let mut swept: Vec<FrequencySweep> = (0..table.frequencies_hz.len())
         .into_par_iter()
         .filter_map(|frequency| {
             Some(
                 FrequencyModel::new(table, &view.shapes, measure, frequency)?
-                    .find_best_directions_for_all_and_each_point(&directions),
+                    .find_best_force_ratios_for_all_and_each_point(&directions),
             )
         })
         .collect();
@@ -196,8 +196,8 @@ impl<'a> FrequencyModel<'a> {
     /// The forces of a direction (parts of what each actuator can do alone, with phases) as strong as the limits of masses at
     /// rest allow: those of [`crate::table::shared_limits`], but with travels added as phasors. All are proportional to
     /// the strength, as forces are to the voltages' squares.
-    fn scale_direction_to_limits(&self, direction: &[Complex64]) -> Vec<Complex64> {
-        let forces: Vec<Complex64> = direction.iter().zip(&self.force_n).map(|(part, force)| part * force).collect();
+    fn scale_force_ratios_to_strongest_forces_within_limits(&self, force_ratios: &[Complex64]) -> Vec<Complex64> {
+        let forces: Vec<Complex64> = force_ratios.iter().zip(&self.force_n).map(|(part, force)| part * force).collect();
         if let ([force], [most_n]) = (forces.as_slice(), self.force_n.as_slice()) {
             // Of one alone the table knows it all.
             return vec![Complex64::from_polar(*most_n, force.arg())];
@@ -260,13 +260,16 @@ impl<'a> FrequencyModel<'a> {
         f64::from(find_minimum(&squares)).sqrt()
     }
 
-    fn find_best_directions_for_all_and_each_point(&self, directions: &[Vec<Complex64>]) -> FrequencySweep {
+    fn find_best_force_ratios_for_all_and_each_point(&self, force_ratios_to_try: &[Vec<Complex64>]) -> FrequencySweep {
         let points = self.response.first().map_or(0, Vec::len);
         let mut squares = Vec::with_capacity(points);
         let (mut least, mut of_least) = (-1.0_f32, 0);
         let (mut most, mut of_most) = (vec![-1.0_f32; points], vec![0_u32; points]);
-        for (index, direction) in directions.iter().enumerate() {
-            self.fill_squared_peak_of_each_point(&self.scale_direction_to_limits(direction), &mut squares);
+        for (index, direction) in force_ratios_to_try.iter().enumerate() {
+            self.fill_squared_peak_of_each_point(
+                &self.scale_force_ratios_to_strongest_forces_within_limits(direction),
+                &mut squares,
+            );
             let lowest = find_minimum(&squares);
             if lowest > least {
                 (least, of_least) = (lowest, index);
@@ -286,13 +289,13 @@ impl<'a> FrequencyModel<'a> {
     /// the ridges that a minimum over points has, where no axis leads up.
     fn climb_to_forces_with_largest_least_peak(
         &self,
-        start_direction: &[Complex64],
+        start_force_ratios: &[Complex64],
         phases: Phases,
     ) -> (Vec<Complex64>, f64) {
-        let actuators = start_direction.len();
+        let actuators = start_force_ratios.len();
         let turns = if phases == Phases::Chosen { actuators.saturating_sub(1) } else { 0 };
-        let mut at: Vec<f64> = start_direction.iter().map(|part| part.norm()).collect();
-        at.extend(start_direction.iter().skip(1).take(turns).map(|part| part.arg() / TAU));
+        let mut at: Vec<f64> = start_force_ratios.iter().map(|part| part.norm()).collect();
+        at.extend(start_force_ratios.iter().skip(1).take(turns).map(|part| part.arg() / TAU));
         let direction = |at: &[f64]| -> Vec<Complex64> {
             (0..actuators)
                 .map(|i| {
@@ -301,7 +304,7 @@ impl<'a> FrequencyModel<'a> {
                 })
                 .collect()
         };
-        let mut forces = self.scale_direction_to_limits(&direction(&at));
+        let mut forces = self.scale_force_ratios_to_strongest_forces_within_limits(&direction(&at));
         let mut best = self.least_peak_over_points(&forces);
         let (mut step, mut number) = (1.0 / f64::from(RATIOS), 0);
         while step >= LEAST_STEP {
@@ -315,7 +318,7 @@ impl<'a> FrequencyModel<'a> {
                     let across = low_discrepancy_point(number, at.len());
                     trial.iter_mut().zip(across).for_each(|(value, part)| *value += step * (2.0 * part - 1.0));
                 }
-                let there = self.scale_direction_to_limits(&direction(&trial));
+                let there = self.scale_force_ratios_to_strongest_forces_within_limits(&direction(&trial));
                 let found = self.least_peak_over_points(&there);
                 if found > best {
                     (at, forces, best) = (trial, there, found);
@@ -334,7 +337,7 @@ fn find_minimum(values: &[f32]) -> f32 {
 }
 
 /// Directions to try: complex parts of full force, the first real.
-fn list_trial_directions(actuators: usize, phases: Phases) -> Vec<Vec<Complex64>> {
+fn list_trial_force_ratios(actuators: usize, phases: Phases) -> Vec<Vec<Complex64>> {
     let polar = |part: f64, turn: f64| Complex64::from_polar(part, TAU * turn);
     let chosen = phases == Phases::Chosen;
     if actuators <= 1 {
@@ -346,7 +349,7 @@ fn list_trial_directions(actuators: usize, phases: Phases) -> Vec<Vec<Complex64>
             let (sin, cos) = (f64::from(k) / f64::from(RATIOS) * TAU / 4.0).sin_cos();
             (0..turns).map(move |n| vec![polar(cos, 0.0), polar(sin, f64::from(n) / f64::from(PHASES))])
         });
-        return both.chain(directions_of_each_actuator_alone(2)).collect();
+        return both.chain(force_ratios_of_each_actuator_alone(2)).collect();
     }
     let dimensions = if chosen { 2 * actuators - 1 } else { actuators };
     let spread = (1..=SPREAD).map(|number| {
@@ -358,11 +361,11 @@ fn list_trial_directions(actuators: usize, phases: Phases) -> Vec<Vec<Complex64>
             })
             .collect()
     });
-    spread.chain(directions_of_each_actuator_alone(actuators)).chain([vec![polar(1.0, 0.0); actuators]]).collect()
+    spread.chain(force_ratios_of_each_actuator_alone(actuators)).chain([vec![polar(1.0, 0.0); actuators]]).collect()
 }
 
 /// Each actuator by itself.
-fn directions_of_each_actuator_alone(actuators: usize) -> impl Iterator<Item = Vec<Complex64>> {
+fn force_ratios_of_each_actuator_alone(actuators: usize) -> impl Iterator<Item = Vec<Complex64>> {
     (0..actuators).map(move |on| (0..actuators).map(|i| Complex64::from(f64::from(u8::from(i == on)))).collect())
 }
 

@@ -92,7 +92,7 @@ impl ReachMaps {
     ///
     /// # Errors
     /// As [`Self::compute`], and as [`TouchedPanel::evaluate_with_finger_on_each_place`].
-    pub fn compute_with_finger_bounding_weakest_error(
+    pub fn compute_with_finger_and_error_bound_of_weakest_point(
         table: &PlanTable,
         region: Option<Region>,
         touched: TouchedPanel<'_>,
@@ -107,7 +107,7 @@ impl ReachMaps {
     /// The same where the strongest drives, in g, are known.
     ///
     /// # Errors
-    /// As [`Self::compute_with_finger_bounding_weakest_error`].
+    /// As [`Self::compute_with_finger_and_error_bound_of_weakest_point`].
     pub fn from_touched_reach_bounding_error_of_weakest_point(
         table: &PlanTable,
         reach: &TouchedReach,

@@ -119,8 +119,8 @@ fn compute_harmonic_sum_and_strongest_with_error_bounds_at_place(
         a.iter().zip(b).map(|((hz, a), (_, b))| felt((*hz, a - b))).fold(0.0, f64::max) / strongest
     };
     answer(
-        estimator.response_bound_from_relative_differences(apart(&coarse.0, &middle.0), apart(&middle.0, &each)),
-        estimator.response_bound_from_relative_differences(
+        estimator.response_error_bound_from_relative_differences(apart(&coarse.0, &middle.0), apart(&middle.0, &each)),
+        estimator.response_error_bound_from_relative_differences(
             lines_apart(&coarse.1, &middle.1),
             lines_apart(&middle.1, &together),
         ),

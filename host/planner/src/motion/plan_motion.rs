@@ -225,20 +225,20 @@ pub fn build_motion_of_effect_with_known_travel_if_poles_known(
 /// How far a burst of single windows takes the masses, which is known (`travel_m`), and what it leaves; `None` without poles. `windows` has the
 /// channel and the voltage in V of each, `pole_amplitudes` the largest amplitude of each pole while they are on, and that after them.
 #[must_use]
-pub fn build_motion_of_windows_with_known_travel_if_poles_known(
+pub fn build_motion_of_voltage_windows_with_known_travel_if_poles_known(
     table: &PlanTable,
-    windows: impl Iterator<Item = (usize, f64)>,
-    pole_amplitudes: &[(f64, f64)],
+    channel_and_voltage_of_windows: impl Iterator<Item = (usize, f64)>,
+    pole_amplitudes_during_and_after: &[(f64, f64)],
     travel_m: &PerActuator,
 ) -> Option<PlanMotion> {
     let onset = table.switch_on_model()?;
     let mut voltages_v = [0.0_f64; MAX_ACTUATORS];
-    for (channel, voltage_v) in windows {
+    for (channel, voltage_v) in channel_and_voltage_of_windows {
         let highest = voltages_v.get_mut(channel)?;
         *highest = highest.max(voltage_v);
     }
     let mut softening_n_per_m = [0.0; MAX_ACTUATORS];
-    let mut gains_per_s = vec![0.0; pole_amplitudes.len()];
+    let mut gains_per_s = vec![0.0; pole_amplitudes_during_and_after.len()];
     let used = voltages_v.iter().zip(&table.electrodes).zip(travel_m).enumerate();
     for (channel, ((voltage_v, own), travel_m)) in used.filter(|(_, ((voltage_v, _), _))| **voltage_v > 0.0) {
         let closed = (travel_m / own.gap_m).min(MAX_TRAVEL_FRACTION);
@@ -261,7 +261,7 @@ pub fn build_motion_of_windows_with_known_travel_if_poles_known(
         drive_hz: WINDOWS_HZ,
         phase_rad: 0.0,
         rise_s: 0.0,
-        participations: pole_amplitudes.iter().zip(&gains_per_s).map(participation).collect(),
+        participations: pole_amplitudes_during_and_after.iter().zip(&gains_per_s).map(participation).collect(),
     };
     let [steady_m, at_once_m, soft_m] = [*travel_m; 3];
     let growth = compute_factor_by_which_softening_grows_motion(table, &softening_n_per_m);

@@ -168,7 +168,7 @@ impl CurrentDrives {
     }
 
     /// The same beside the steady motion of a part of `next`, which takes its place at `end_s`.
-    fn pole_amplitudes_after_change(
+    fn free_pole_amplitudes_left_by_change_to_next_drives(
         &self,
         modes: &[PoleDecayAndTravel],
         next: &[ForceLine],
@@ -246,14 +246,15 @@ impl ResidualVibration {
     /// an effect, which is no steady drive. If all forces fit, the headroom is 1. Otherwise the drives begin weaker,
     /// and after a wait if that makes them much stronger.
     #[must_use]
-    pub fn find_headroom(
+    pub fn find_wait_and_force_fraction_within_travel_limits(
         &self,
         motion: &PlanMotion,
-        steady_drives: Option<&[Drive]>,
+        new_drives_unless_effect: Option<&[Drive]>,
         now_s: f64,
         board: RailState,
     ) -> StartHeadroom {
-        let force_fraction = self.max_force_fraction_that_fits_without_wait(motion, steady_drives, now_s, board);
+        let force_fraction =
+            self.max_force_fraction_that_fits_without_wait(motion, new_drives_unless_effect, now_s, board);
         if force_fraction >= 1.0 {
             return StartHeadroom::ALL;
         }
@@ -286,16 +287,18 @@ impl ResidualVibration {
     pub fn max_force_fraction_that_fits_without_wait(
         &self,
         motion: &PlanMotion,
-        steady_drives: Option<&[Drive]>,
+        new_drives_unless_effect: Option<&[Drive]>,
         now_s: f64,
         board: RailState,
     ) -> f64 {
-        if board == RailState::Driving && self.is_same_as_ongoing_drives(steady_drives, now_s) {
+        if board == RailState::Driving
+            && self.are_drives_same_as_ongoing_ones_begun_recently(new_drives_unless_effect, now_s)
+        {
             return 1.0;
         }
         let anew = self.max_force_fraction_that_fits_after_time_off(motion, now_s, 0.0, board);
         let goes_on = |current: &&CurrentDrives| {
-            board == RailState::Driving && steady_drives.is_some() && current.is_ongoing_steady_drive(now_s)
+            board == RailState::Driving && new_drives_unless_effect.is_some() && current.is_ongoing_steady_drive(now_s)
         };
         let Some(current) = self.current.as_ref().filter(goes_on).filter(|_| anew < 1.0) else { return anew };
         let (begun_m, left_m, free_m) = (
@@ -305,12 +308,9 @@ impl ResidualVibration {
         );
         let end_s = current.latest_end_time_if_stopped_at_s(now_s);
         let fits = |part: f64| {
-            let changed_m = self.pole_amplitudes_to_travel_m(&current.pole_amplitudes_after_change(
-                &self.modes,
-                &motion.lines,
-                part,
-                end_s,
-            ));
+            let changed_m = self.pole_amplitudes_to_travel_m(
+                &current.free_pole_amplitudes_left_by_change_to_next_drives(&self.modes, &motion.lines, part, end_s),
+            );
             (0..MAX_ACTUATORS).all(|i| {
                 let anew_m = motion.growth[i] * left_m[i] + part * begun_m[i];
                 let changed_m =
@@ -347,36 +347,36 @@ impl ResidualVibration {
     }
 
     /// Records that drives begin at `now_s` in place of any others, with the board in the state that
-    /// [`ResidualVibration::find_headroom`] was given. They end at `until_s` unless another call changes that.
+    /// [`ResidualVibration::find_wait_and_force_fraction_within_travel_limits`] was given. They end at `until_s` unless another call changes that.
     pub fn record_drives_that_begin_in_place_of_others(
         &mut self,
         id: u64,
         motion: &PlanMotion,
-        steady_drives: Option<&[Drive]>,
+        new_drives_unless_effect: Option<&[Drive]>,
         board: RailState,
         now_s: f64,
         until_s: f64,
     ) {
         self.begun += 1;
         if board == RailState::Driving
-            && self.is_same_as_ongoing_drives(steady_drives, now_s)
+            && self.are_drives_same_as_ongoing_ones_begun_recently(new_drives_unless_effect, now_s)
             && let Some(current) = &mut self.current
         {
             (current.id, current.until_s) = (id, until_s);
             return;
         }
         let goes_on = |current: &mut CurrentDrives| {
-            board == RailState::Driving && steady_drives.is_some() && current.is_ongoing_steady_drive(now_s)
+            board == RailState::Driving && new_drives_unless_effect.is_some() && current.is_ongoing_steady_drive(now_s)
         };
         let before = self.current.take_if(goes_on);
         let start = match &before {
-            Some(before) => before.pole_amplitudes_after_change(
+            Some(before) => before.free_pole_amplitudes_left_by_change_to_next_drives(
                 &self.modes,
                 &motion.lines,
                 1.0,
                 before.latest_end_time_if_stopped_at_s(now_s),
             ),
-            None if steady_drives.is_some() => (0..self.modes.len())
+            None if new_drives_unless_effect.is_some() => (0..self.modes.len())
                 .map(|k| pole_amplitude_ringing_after_steady_forces_end(&motion.lines, k))
                 .collect(),
             // In all that it may leave its beginning counts already.
@@ -390,10 +390,10 @@ impl ResidualVibration {
         let lowest_hz = motion.lines.iter().map(|line| line.drive_hz).fold(f64::INFINITY, f64::min);
         self.current = Some(CurrentDrives {
             id,
-            drives: steady_drives.map(<[Drive]>::to_vec),
+            drives: new_drives_unless_effect.map(<[Drive]>::to_vec),
             lines: motion.lines.clone(),
             start,
-            is_soft: board == RailState::Down && steady_drives.is_some(),
+            is_soft: board == RailState::Down && new_drives_unless_effect.is_some(),
             before: left_before.unwrap_or_else(|| vec![0.0; self.modes.len()]),
             since_s: now_s,
             until_s,
@@ -478,9 +478,13 @@ impl ResidualVibration {
     }
 
     /// Whether `steady_drives` are what is driven.
-    fn is_same_as_ongoing_drives(&self, steady_drives: Option<&[Drive]>, now_s: f64) -> bool {
+    fn are_drives_same_as_ongoing_ones_begun_recently(
+        &self,
+        new_drives_unless_effect: Option<&[Drive]>,
+        now_s: f64,
+    ) -> bool {
         let is_it = |current: &CurrentDrives| {
-            let is_same = current.drives.as_deref().is_some_and(|known| steady_drives == Some(known));
+            let is_same = current.drives.as_deref().is_some_and(|known| new_drives_unless_effect == Some(known));
             is_same && current.is_ongoing_steady_drive(now_s) && now_s - current.since_s < SAME_S
         };
         self.current.as_ref().is_some_and(is_it)

@@ -12,9 +12,9 @@ use crate::motion::driven_panel::{
 use crate::motion::strong_softening::check_limits_during_rise_with_harmonics;
 use crate::physics::limits::{
     Electrodes, HALVINGS, LEVELS, Limit, MAX_SOFTENING_FRACTION, MAX_TRAVEL_FRACTION, max_mean_supply_current_a,
-    mean_supply_current_a,
+    mean_supply_current_with_bleeders_a,
 };
-use crate::physics::softening::{MAX_LINES, continue_steady_motion};
+use crate::physics::softening::{MAX_LINES, solve_steady_motion_starting_from_scaled_known_motion};
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{PlanTable, bound_travel_with_harmonics_and_overshoot_m_per_n};
 use era_shared::supply::{RAILS, rail_index_of_channel};
@@ -178,7 +178,7 @@ fn find_first_actuator_near_pull_in_if_any(
 ) -> Option<usize> {
     // A mass that a press holds off its middle is held by less.
     let taken: [f64; MAX_ACTUATORS] = std::array::from_fn(|j| {
-        let pressed = table.electrodes.get(j).map_or(1.0, Electrodes::press_softening_ratio);
+        let pressed = table.electrodes.get(j).map_or(1.0, Electrodes::softening_under_press_relative_to_rest);
         softening_n_per_m[j].max(0.0) * pressed
     });
     let p = table.electrodes.len().min(MAX_ACTUATORS);
@@ -201,9 +201,13 @@ fn solve_safe_motion_at_scale(
     let problem = build_driven_panel(table, drives, applied);
     let (transducers, excitations) = (problem.transducers(), problem.excitations());
     let motion = match known_motion_and_scale {
-        Some((known, low)) if low > 0.0 => {
-            continue_steady_motion(transducers, excitations, &problem.lines, &known.motion, force_scale / low)
-        }
+        Some((known, low)) if low > 0.0 => solve_steady_motion_starting_from_scaled_known_motion(
+            transducers,
+            excitations,
+            &problem.lines,
+            &known.motion,
+            force_scale / low,
+        ),
         _ => problem.solve_steady_motion(),
     };
     let motion = motion.map_err(|error| find_actuator_and_limit_of_error(table, error, &applied))?;
@@ -265,7 +269,7 @@ fn check_total_mean_supply_current(
     applied: &[VoltageAndPulseWidth; MAX_ACTUATORS],
 ) -> Result<(), (usize, Limit)> {
     let charged = drives.iter().zip(applied).enumerate();
-    let amps = mean_supply_current_a(
+    let amps = mean_supply_current_with_bleeders_a(
         &table.electrodes,
         charged.map(|(channel, (drive, applied))| (channel, applied.voltage_v, drive.frequency_hz)),
     );

@@ -72,7 +72,9 @@ pub(crate) fn largest_fundamental_travel_while_rails_rise_if_poles_known_m(
         .lines
         .iter()
         .zip(&problem.leaders)
-        .map(|(line, leader)| onset.build_time_response(drives[*leader].frequency_hz, &line.receptance))
+        .map(|(line, leader)| {
+            onset.split_receptance_into_near_poles_and_instant_part(drives[*leader].frequency_hz, &line.receptance)
+        })
         .collect();
     let volts_per_s = f64::from(RAIL_SLOPE_MILLIVOLTS_PER_MS);
     let mut rise_s = [1e-3_f64; MAX_ACTUATORS];

@@ -63,7 +63,7 @@ impl PeriodicCharging {
         self.times
     }
 
-    fn shape_of_window(&self, pulse_width: f64) -> WindowShape {
+    fn window_times_and_voltage_fractions_at_its_edges(&self, pulse_width: f64) -> WindowShape {
         let ChargingTimes { rise_s, hold_s, fall_s } = self.times;
         let window_s = 0.5 * pulse_width / self.frequency_hz;
         let rest_s = (1.0 / self.frequency_hz - window_s - hold_s).max(0.0);
@@ -76,7 +76,7 @@ impl PeriodicCharging {
     /// The course of the voltage of an electrode that charges through a resistor.
     #[must_use]
     pub fn voltage_course(&self, pulse_width: f64) -> VoltageCourse {
-        VoltageCourse { times: self.times, shape: self.shape_of_window(pulse_width) }
+        VoltageCourse { times: self.times, shape: self.window_times_and_voltage_fractions_at_its_edges(pulse_width) }
     }
 
     /// Phasor of the force's `harmonic`-th harmonic per N of one electrode's steady force at the rail's voltage, time counted from the
@@ -87,7 +87,8 @@ impl PeriodicCharging {
             return Complex64::from((harmonic * FRAC_PI_2 * pulse_width).sin() * 2.0 / (harmonic * FRAC_PI_2));
         }
         let ChargingTimes { rise_s, hold_s, fall_s } = self.times;
-        let WindowShape { window_s, rest_s, begin, end } = self.shape_of_window(pulse_width);
+        let WindowShape { window_s, rest_s, begin, end } =
+            self.window_times_and_voltage_fractions_at_its_edges(pulse_width);
         let jw = Complex64::new(0.0, TAU * harmonic * self.frequency_hz);
         let missing = 1.0 - begin;
         let held = end * end * (-jw * window_s).exp();
@@ -131,12 +132,13 @@ impl PeriodicCharging {
 
     /// Mean over time of both electrodes' squared voltages, as a part of the rail's; without resistors the pulse width.
     #[must_use]
-    pub fn mean_square_voltage_of_both_electrodes_as_fraction(&self, pulse_width: f64) -> f64 {
+    pub fn mean_sum_of_squared_electrode_voltages_over_rail_squared(&self, pulse_width: f64) -> f64 {
         if self.is_instant() {
             return pulse_width;
         }
         let ChargingTimes { rise_s, hold_s, fall_s } = self.times;
-        let WindowShape { window_s, rest_s, begin, end } = self.shape_of_window(pulse_width);
+        let WindowShape { window_s, rest_s, begin, end } =
+            self.window_times_and_voltage_fractions_at_its_edges(pulse_width);
         let missing = 1.0 - begin;
         let left = |decay_s: f64, length_s: f64| if decay_s > 0.0 { -(-length_s / decay_s).exp_m1() } else { 1.0 };
         let integral = window_s - 2.0 * missing * rise_s * left(rise_s, window_s)

@@ -22,9 +22,12 @@ pub fn max_mean_supply_current_a() -> f64 {
 /// Mean current in A that drives take from the supply: each electrode is charged once a period, and the rails have bleeders.
 /// `drives` holds the channel, the rail's voltage in V and the frequency in Hz of each.
 #[must_use]
-pub fn mean_supply_current_a(electrodes: &[Electrodes], drives: impl Iterator<Item = (usize, f64, f64)>) -> f64 {
+pub fn mean_supply_current_with_bleeders_a(
+    electrodes: &[Electrodes],
+    channels_rail_volts_and_hz: impl Iterator<Item = (usize, f64, f64)>,
+) -> f64 {
     let (mut amps, mut rails_v) = (0.0, [0.0_f64; RAILS]);
-    for (channel, voltage_v, frequency_hz) in drives {
+    for (channel, voltage_v, frequency_hz) in channels_rail_volts_and_hz {
         amps += electrodes.get(channel).map_or(0.0, |own| own.mean_current_a(channel, voltage_v, frequency_hz));
         if let Some(rail_v) = rails_v.get_mut(rail_index_of_channel(channel)) {
             *rail_v = rail_v.max(voltage_v);
@@ -146,7 +149,7 @@ impl Electrodes {
     /// its middle: where springs hold it, the slope of their mean pull u / (1 - u^2)^2; where a stop does, that pull over what springs
     /// as stiff as the softening would bring back, so that they bring it back when the press ends.
     #[must_use]
-    pub fn press_softening_ratio(&self) -> f64 {
+    pub fn softening_under_press_relative_to_rest(&self) -> f64 {
         let u = (self.sag_m / self.gap_m).min(MOST_PRESSED);
         let left = 1.0 - u * u;
         if self.sag_m < self.stop_m { (1.0 + 3.0 * u * u) / left.powi(3) } else { left.powi(-2) }
@@ -182,7 +185,8 @@ impl Electrodes {
             return angle / (self.gap_m * angle.sin());
         }
         let fundamental = charging.force_harmonic_phasor_per_n_at_rail_voltage(1.0, pulse_width).norm();
-        2.0 * charging.mean_square_voltage_of_both_electrodes_as_fraction(pulse_width) / (self.gap_m * fundamental)
+        2.0 * charging.mean_sum_of_squared_electrode_voltages_over_rail_squared(pulse_width)
+            / (self.gap_m * fundamental)
     }
 
     /// Stiffness in N/m that an electrode at a voltage takes away at most, its mass a part of the gap off: F' = 2 F / (g - x), F
@@ -312,10 +316,11 @@ mod tests {
     /// By hand: 0.46 uC for each cycle of an ERA and 40 uA for each rail, at 2 kV.
     #[test]
     fn supply_current_of_four_eras_by_hand() {
-        let all = |hz: f64| mean_supply_current_a(&[DEFAULT; 4], (0..4).map(|channel| (channel, 2000.0, hz)));
+        let all =
+            |hz: f64| mean_supply_current_with_bleeders_a(&[DEFAULT; 4], (0..4).map(|channel| (channel, 2000.0, hz)));
         assert!((all(200.0) - (4.0 * 0.464e-6 * 200.0 + 80e-6)).abs() < 1e-9, "{}", all(200.0));
         // One rail, one bleeder pair.
-        let alone = mean_supply_current_a(&[DEFAULT; 4], [(2, 2000.0, 200.0)].into_iter());
+        let alone = mean_supply_current_with_bleeders_a(&[DEFAULT; 4], [(2, 2000.0, 200.0)].into_iter());
         assert!((alone - (0.464e-6 * 200.0 + 40e-6)).abs() < 1e-9, "{alone}");
         // Small electrodes count as the board counts them, in current but not in power.
         let small = Electrodes { capacitance_f: 20e-12, ..DEFAULT };

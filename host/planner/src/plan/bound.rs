@@ -25,7 +25,7 @@ fn bound_relative_peak_error_from_phasors(
 ) -> Bound {
     let difference =
         |a: &[Complex64], b: &[Complex64]| a.iter().zip(b).map(|(a, b)| (a - b).norm()).sum::<f64>() / peak;
-    estimator.response_bound_from_relative_differences(difference(coarse, middle), difference(middle, fine))
+    estimator.response_error_bound_from_relative_differences(difference(coarse, middle), difference(middle, fine))
 }
 
 /// A bound on the relative error of the first target's peak: the same drives on the coarser models, and the
@@ -139,5 +139,5 @@ pub fn bound_field_error_relative_to_largest_peak(table: &PlanTable, plan: &Plan
         }
         sum.amax() / largest
     };
-    estimator.response_bound_from_relative_differences(difference(&coarse, &middle), difference(&middle, &fine))
+    estimator.response_error_bound_from_relative_differences(difference(&coarse, &middle), difference(&middle, &fine))
 }

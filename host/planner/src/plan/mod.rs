@@ -13,7 +13,7 @@ use crate::choose::search::PairFilter;
 use crate::choose::shared_frequency::drives::choose_drives_at_one_shared_frequency;
 use crate::chosen_drive::{
     ChosenDrive, PlanDrives, force_phase_relative_to_windows_rad, fundamental_acceleration_peak_at_point_m_per_s2,
-    group_drive_indices_by_frequency, is_one_nearly_odd_harmonic_of_other, window_phase_of_each_drive_rad,
+    group_drive_indices_by_frequency, is_one_near_3rd_5th_or_7th_harmonic_of_other, window_phase_of_each_drive_rad,
 };
 use crate::drive::Drive;
 use crate::millimetres;
@@ -29,7 +29,7 @@ use crate::plan::reached_limits::find_limits_nearly_reached_before_derating;
 use crate::reach::selection::select_max_min_drives_scaled_to_first_target;
 use crate::request::quiet_zones::QuietResult;
 use crate::request::{Grouping, Objective, PlanError, Request, SearchEffort, Target, Weigh};
-use crate::request::{check_request_and_move_onto_surface, y_or_bar_axis_y_m};
+use crate::request::{check_request_and_snap_to_surface_returning_wanted_peaks_g, y_or_bar_axis_y_m};
 use crate::table::{PlanTable, acceleration_at_point_from_coordinates};
 pub use bound::bound_field_error_relative_to_largest_peak;
 pub use derating::derate_plan;
@@ -157,7 +157,7 @@ impl PlanTable {
     /// [`PlanError`].
     pub fn plan_with_details(&self, request: &Request) -> Result<Planned, PlanError> {
         let started = Instant::now();
-        let (request, wanted_g) = check_request_and_move_onto_surface(self, request)?;
+        let (request, wanted_g) = check_request_and_snap_to_surface_returning_wanted_peaks_g(self, request)?;
         let request = &request;
         let mut formulation = Formulation::new(self, request);
         let wanted: Vec<f64> = wanted_g
@@ -169,7 +169,9 @@ impl PlanTable {
             Grouping::Distinct if request.objective == Objective::Reach => {
                 select_max_min_drives_scaled_to_first_target(self, &formulation, request.zone, &wanted)?
             }
-            Grouping::Distinct => choose_drives_at_distinct_frequencies(self, &mut formulation, request, &wanted)?,
+            Grouping::Distinct => {
+                choose_distinct_frequency_drives_and_add_quiet_zone_limits(self, &mut formulation, request, &wanted)?
+            }
             Grouping::Shared => choose_drives_at_one_shared_frequency(self, &formulation, &wanted)?,
         };
         let settled =
@@ -246,7 +248,7 @@ impl PlanTable {
 
 /// The best combination of distinct frequencies, refined between those of the grid. Points of quiet zones are added
 /// until none is too strong.
-fn choose_drives_at_distinct_frequencies(
+fn choose_distinct_frequency_drives_and_add_quiet_zone_limits(
     table: &PlanTable,
     formulation: &mut Formulation<'_>,
     request: &Request,
@@ -281,7 +283,7 @@ fn choose_drives_within_present_quiet_zone_limits(
     // Where another's harmonic meets a drive it changes, by an amount that no one asked for, what is felt there.
     let best =
         |fits: PairFilter<'_>| formulation.find_best_combination_replacing_estimated_energies(choices_for(fits), fits);
-    let (choices, found) = best(&|a, b| !is_one_nearly_odd_harmonic_of_other(a, b))
+    let (choices, found) = best(&|a, b| !is_one_near_3rd_5th_or_7th_harmonic_of_other(a, b))
         .or_else(|| best(&|_, _| true))
         .ok_or(PlanError::NoFrequencies)?;
     Ok(refine_frequencies_between_grid(table, formulation, &choices, &found))

@@ -29,7 +29,7 @@ use crate::{PlanError, TableOptions};
 use era_model::model::{Accuracy, BarePanel, ModelError};
 use era_model::response::ResponseError;
 use era_model::scene::{MAX_ACTUATORS, Scene};
-use points::build_grid_of_first_points;
+use points::build_coarse_grid_for_first_search;
 
 /// Why a design has no weakest place.
 #[derive(Debug, PartialEq, thiserror::Error)]
@@ -87,7 +87,11 @@ impl QuickPanel {
     ///
     /// # Errors
     /// [`QuickError`], also where the design is one of another panel.
-    pub fn find_weakest_place(&self, scene: &Scene, measure: Measure) -> Result<WeakestPlace, QuickError> {
+    pub fn find_place_of_least_achievable_peak(
+        &self,
+        scene: &Scene,
+        measure: Measure,
+    ) -> Result<WeakestPlace, QuickError> {
         match scene.actuators.len() {
             0 => return Err(PlanError::NoActuators.into()),
             count if count > MAX_ACTUATORS => return Err(PlanError::Actuators { count }.into()),
@@ -95,26 +99,26 @@ impl QuickPanel {
         }
         let table = self.build_table_on_coarse_grid(scene)?;
         match scene.finger {
-            None => weakest::find_weakest_place_of_table(&table, measure, self.options.to_hz),
-            Some(_) => self.find_weakest_touched_place(scene, &table, measure, weakest::ROUGHLY),
+            None => weakest::find_place_of_least_achievable_peak_of_table(&table, measure, self.options.to_hz),
+            Some(_) => self.find_place_of_least_achievable_peak_under_finger(scene, &table, measure, weakest::ROUGHLY),
         }
     }
 
     fn build_table_on_coarse_grid(&self, scene: &Scene) -> Result<PlanTable, QuickError> {
         let model = self.panel.couple_to_design(scene)?;
         let hz = frequencies::choose_frequencies_denser_near_modes_hz(&model, self.options);
-        let grid = build_grid_of_first_points(scene, &model, self.options.to_hz);
+        let grid = build_coarse_grid_for_first_search(scene, &model, self.options.to_hz);
         Ok(PlanTable::build_for_strongest_drives_only(scene, model, hz, grid)?)
     }
 
-    fn find_weakest_touched_place(
+    fn find_place_of_least_achievable_peak_under_finger(
         &self,
         scene: &Scene,
         table: &PlanTable,
         measure: Measure,
         slack: f64,
     ) -> Result<WeakestPlace, QuickError> {
-        weakest::find_weakest_touched_place(
+        weakest::find_place_of_least_achievable_peak_under_finger(
             TouchedPanel::new(&self.panel, scene, table),
             table,
             measure,

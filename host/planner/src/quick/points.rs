@@ -10,7 +10,7 @@ use crate::table::{PlanTable, SurfaceGrid};
 const TIMES: usize = 2;
 
 /// The points that are looked at first.
-pub(super) fn build_grid_of_first_points(scene: &Scene, model: &ReducedModel, max_hz: f64) -> SurfaceGrid {
+pub(super) fn build_coarse_grid_for_first_search(scene: &Scene, model: &ReducedModel, max_hz: f64) -> SurfaceGrid {
     SurfaceGrid::with_every_nth_line(scene, model, max_hz, TIMES)
 }
 

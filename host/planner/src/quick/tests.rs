@@ -36,12 +36,15 @@ fn odd_plate(places_m: &[(f64, f64)]) -> Scene {
 }
 
 fn quick(scene: &Scene) -> WeakestPlace {
-    QuickPanel::new(scene, OPTIONS).unwrap().find_weakest_place(scene, Measure::G).unwrap()
+    QuickPanel::new(scene, OPTIONS).unwrap().find_place_of_least_achievable_peak(scene, Measure::G).unwrap()
 }
 
 /// Over all points and frequencies, of the scene's own elements, without bounds.
 fn thorough(scene: &Scene) -> Option<f64> {
-    let model = PanelModel::build(scene, Accuracy::BALANCED, OPTIONS.to_hz).ok()?.reduce(OPTIONS.to_hz, &[]).ok()?;
+    let model = PanelModel::build(scene, Accuracy::BALANCED, OPTIONS.to_hz)
+        .ok()?
+        .reduce_with_residual_shapes_of_actuators_and_points(OPTIONS.to_hz, &[])
+        .ok()?;
     let table = PlanTable::build(scene, model, OPTIONS).ok()?;
     Some(weakest_place_with_setting_per_place_if_frequencies_usable(&table, Measure::G)?.peak)
 }
@@ -64,7 +67,7 @@ fn designs_at_random_are_too() {
         let scene = Scene::parse("random", &random_scene_text(4711, number)).unwrap();
         let panel = QuickPanel::new(&scene, OPTIONS).unwrap();
         // Scenes that nothing can be said of are those of which a thorough look says nothing either.
-        match (panel.find_weakest_place(&scene, Measure::G), thorough(&scene)) {
+        match (panel.find_place_of_least_achievable_peak(&scene, Measure::G), thorough(&scene)) {
             (Ok(found), Some(wanted)) if wanted > 1e-3 => off.push((found.peak / wanted - 1.0).abs()),
             (Ok(found), Some(wanted)) => assert!(found.peak < 2e-3, "{number}: {} for {wanted}", found.peak),
             (Err(_), None) => {}
@@ -105,7 +108,9 @@ fn with_a_finger_it_is_the_least_of_all_places_that_are_touched() {
             rotational_stiffness_n_m_per_rad: 0.0,
             loss_factor: 0.0,
         });
-        let model = PanelModel::build(&written, Accuracy::BALANCED, OPTIONS.to_hz).unwrap().reduce(OPTIONS.to_hz, &[]);
+        let model = PanelModel::build(&written, Accuracy::BALANCED, OPTIONS.to_hz)
+            .unwrap()
+            .reduce_with_residual_shapes_of_actuators_and_points(OPTIONS.to_hz, &[]);
         let table = PlanTable::build(&written, model.unwrap(), OPTIONS).unwrap();
         let plan = table.plan(&[crate::Target { x_m, y_m, intensity_g: Some(1e6) }]).unwrap();
         let peak = plan.predicted.target_peak_g;
@@ -127,7 +132,9 @@ fn no_place_is_left_out_that_is_the_weakest() {
         });
         let panel = QuickPanel::new(&scene, options).unwrap();
         let table = panel.build_table_on_coarse_grid(&scene).unwrap();
-        let look = |slack: f64| panel.find_weakest_touched_place(&scene, &table, Measure::G, slack).unwrap();
+        let look = |slack: f64| {
+            panel.find_place_of_least_achievable_peak_under_finger(&scene, &table, Measure::G, slack).unwrap()
+        };
         let (few, all) = (look(weakest::ROUGHLY), look(1.0));
         assert!(few == all && few.peak > 0.0, "{number}: {few:?} {all:?}");
     }
@@ -138,8 +145,10 @@ fn no_place_is_left_out_that_is_the_weakest() {
 fn its_drives_do_there_what_is_told() {
     let scene = odd_plate(&[(0.13, 0.87), (0.71, 0.29)]);
     let found = quick(&scene);
-    let model =
-        PanelModel::build(&scene, Accuracy::REFERENCE, OPTIONS.to_hz).unwrap().reduce(OPTIONS.to_hz, &[]).unwrap();
+    let model = PanelModel::build(&scene, Accuracy::REFERENCE, OPTIONS.to_hz)
+        .unwrap()
+        .reduce_with_residual_shapes_of_actuators_and_points(OPTIONS.to_hz, &[])
+        .unwrap();
     let shape = model.shape_deflections_at(found.at_m.0, found.at_m.1);
     let peak: f64 = found
         .drives
@@ -166,7 +175,7 @@ fn a_mirrored_design_is_as_strong() {
     let (one, other) = (odd_plate(&[(0.13, 0.87), (0.71, 0.29)]), odd_plate(&[(0.87, 0.87), (0.29, 0.29)]));
     let panel = QuickPanel::new(&one, OPTIONS).unwrap();
     let [first, mirrored, again] =
-        [&one, &other, &one].map(|scene| panel.find_weakest_place(scene, Measure::G).unwrap());
+        [&one, &other, &one].map(|scene| panel.find_place_of_least_achievable_peak(scene, Measure::G).unwrap());
     assert_eq!(first, again);
     assert!((first.peak / mirrored.peak - 1.0).abs() < 1e-4, "{} {}", first.peak, mirrored.peak);
     let turned = one.surface.length_m - mirrored.at_m.0;
@@ -183,17 +192,20 @@ fn what_cannot_be_driven_says_so() {
     let panel = QuickPanel::new(&scene, OPTIONS).unwrap();
     let mut none = scene.clone();
     none.actuators.clear();
-    assert_eq!(panel.find_weakest_place(&none, Measure::G), Err(QuickError::Plan(PlanError::NoActuators)));
+    assert_eq!(
+        panel.find_place_of_least_achievable_peak(&none, Measure::G),
+        Err(QuickError::Plan(PlanError::NoActuators))
+    );
     let mut many = scene.clone();
     many.actuators = vec![scene.actuators[0].clone(); MAX_ACTUATORS + 1];
     assert_eq!(
-        panel.find_weakest_place(&many, Measure::G),
+        panel.find_place_of_least_achievable_peak(&many, Measure::G),
         Err(QuickError::Plan(PlanError::Actuators { count: MAX_ACTUATORS + 1 }))
     );
     let mut thicker = scene;
     thicker.surface.thickness_m *= 2.0;
     assert_eq!(
-        panel.find_weakest_place(&thicker, Measure::G),
+        panel.find_place_of_least_achievable_peak(&thicker, Measure::G),
         Err(QuickError::Model(ModelError::OtherPanel { part: "surface" }))
     );
 }
@@ -201,7 +213,10 @@ fn what_cannot_be_driven_says_so() {
 /// Close to a resonance every frequency of the grid is there; far from all, three times fewer.
 #[test]
 fn frequencies_are_close_where_resonances_are() {
-    let model = PanelModel::build(&plate(), Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
+    let model = PanelModel::build(&plate(), Accuracy::FAST, 400.0)
+        .unwrap()
+        .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+        .unwrap();
     let hz = frequencies::choose_frequencies_denser_near_modes_hz(&model, OPTIONS);
     assert!(hz[0] == 40.0 && hz[hz.len() - 1] == 400.0);
     assert!(hz.windows(2).all(|pair| (1.0..=3.0).contains(&(pair[1] - pair[0]))), "{hz:?}");

@@ -46,7 +46,7 @@ struct PointEstimate {
 }
 
 /// The weakest place of a table's points and of the points around the weakest of these.
-pub(super) fn find_weakest_place_of_table(
+pub(super) fn find_place_of_least_achievable_peak_of_table(
     table: &PlanTable,
     measure: Measure,
     max_hz: f64,
@@ -72,7 +72,7 @@ pub(super) fn find_weakest_place_of_table(
 /// The same with a finger on each place while it is evaluated; `table` is that of the untouched panel. All places are
 /// estimated, and those that may be the weakest, if the peak is lower than the estimate by the fraction `slack`, are
 /// evaluated exactly.
-pub(super) fn find_weakest_touched_place(
+pub(super) fn find_place_of_least_achievable_peak_under_finger(
     touched: TouchedPanel<'_>,
     table: &PlanTable,
     measure: Measure,
@@ -82,13 +82,15 @@ pub(super) fn find_weakest_touched_place(
     let fingered = TouchedSearch { touched, measure, options, slack };
     let (of_grid, places): (Vec<usize>, Vec<(f64, f64)>) =
         list_surface_point_indices_and_places_m(table).into_iter().unzip();
-    let coarse = fingered.estimate_peaks_at_touched_places(&places)?;
+    let coarse = fingered.estimate_achievable_peak_under_finger_at_each_place(&places)?;
     let first = fingered
         .find_exact_weakest_of_estimated_places_if_below(&coarse, f64::INFINITY)?
         .ok_or(PlanError::NoFrequencies)?;
     refine_weakest_place_from_coarse_grid(table, options.to_hz, first, &coarse, &of_grid, |fine, below| {
-        fingered
-            .find_exact_weakest_of_estimated_places_if_below(&fingered.estimate_peaks_at_touched_places(&fine)?, below)
+        fingered.find_exact_weakest_of_estimated_places_if_below(
+            &fingered.estimate_achievable_peak_under_finger_at_each_place(&fine)?,
+            below,
+        )
     })
 }
 
@@ -102,7 +104,10 @@ struct TouchedSearch<'a> {
 
 impl TouchedSearch<'_> {
     /// What can be had at places (m), roughly.
-    fn estimate_peaks_at_touched_places(&self, places_m: &[(f64, f64)]) -> Result<Vec<PointEstimate>, QuickError> {
+    fn estimate_achievable_peak_under_finger_at_each_place(
+        &self,
+        places_m: &[(f64, f64)],
+    ) -> Result<Vec<PointEstimate>, QuickError> {
         let ask = |table: &PlanTable| Some(self.build_single_point_search(table)?.known[0]);
         let known = self.touched.estimate_with_finger_on_each_place(
             places_m,
@@ -127,7 +132,7 @@ impl TouchedSearch<'_> {
             if places.is_empty() {
                 break;
             }
-            for own in self.evaluate_exact_peaks_at_touched_places(&places)? {
+            for own in self.compute_exact_achievable_peak_under_finger_at_each_place(&places)? {
                 if own.peak < least {
                     least = own.peak;
                     found = Some(own);
@@ -138,7 +143,10 @@ impl TouchedSearch<'_> {
     }
 
     /// What can be had at places (m).
-    fn evaluate_exact_peaks_at_touched_places(&self, places_m: &[(f64, f64)]) -> Result<Vec<WeakestPlace>, QuickError> {
+    fn compute_exact_achievable_peak_under_finger_at_each_place(
+        &self,
+        places_m: &[(f64, f64)],
+    ) -> Result<Vec<WeakestPlace>, QuickError> {
         let ask = |table: &PlanTable| {
             let found = self.build_single_point_search(table)?.find_weakest_point_if_below(table, f64::INFINITY)?;
             Some(WeakestPlace { frequencies: table.frequencies_hz.len(), ..found })

@@ -216,7 +216,7 @@ fn evaluate_force_and_harmonics_of_pulse_width(table: &PlanTable, plan: &Plan, p
     }
     PulseWidth {
         pulse_width,
-        force: mean_force_fraction_of_instant_full_width_pulse(&driven, pulse_width),
+        force: mean_fundamental_over_that_of_instant_full_width_pulse(&driven, pulse_width),
         harmonics_db: (harmonics > 0.0 && fundamental > 0.0)
             .then(|| 10.0 * (harmonics / fundamental).log10())
             .filter(|db| *db >= LEAST_HARMONICS_DB),
@@ -225,7 +225,7 @@ fn evaluate_force_and_harmonics_of_pulse_width(table: &PlanTable, plan: &Plan, p
 
 /// Fundamental over that of a full-width pulse of electrodes that charge at once, 4/pi of an electrode's steady force: the mean over drives.
 #[expect(clippy::cast_precision_loss, reason = "at most four")]
-fn mean_force_fraction_of_instant_full_width_pulse(driven: &[PeriodicCharging], pulse_width: f64) -> f64 {
+fn mean_fundamental_over_that_of_instant_full_width_pulse(driven: &[PeriodicCharging], pulse_width: f64) -> f64 {
     if driven.iter().all(PeriodicCharging::is_instant) {
         return (FRAC_PI_2 * pulse_width).sin();
     }

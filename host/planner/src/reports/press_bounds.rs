@@ -4,7 +4,7 @@ use crate::model::{Bound, ReducedModel};
 use crate::physics::limits::MAX_TRAVEL_FRACTION;
 use crate::scene::Actuator;
 use crate::table::PlanTable;
-use crate::table::press::{PressEffect, Stop, recompute_sag_of_each_mass_on_other_model_m};
+use crate::table::press::{PressEffect, Stop, recompute_mass_travel_by_press_and_pull_on_other_model_m};
 
 /// Bound on the relative error of how far a press alone moves an actuator's mass ([`PressEffect::alone_m`]), by the coarser models. It is that of the panel, which
 /// is linear, whatever the force and wherever the mass meets an electrode.
@@ -29,24 +29,28 @@ pub fn bound_relative_press_travel_error(table: &PlanTable, actuator: usize) -> 
         return Bound::Unknown("the panel can move freely");
     };
     let difference = |a: f64, b: f64| (a - b).abs() / fine.abs();
-    estimator.steady_deflection_bound_from_differences(difference(coarse, middle), difference(middle, fine))
+    estimator
+        .steady_deflection_error_bound_from_relative_differences(difference(coarse, middle), difference(middle, fine))
 }
 
 /// Bound on the relative error of how far a press and the electrodes move an actuator's mass ([`PressEffect::sag_m`]), at the place where the press moves it furthest and
 /// with the stops that there are.
 #[must_use]
-pub fn bound_relative_sag_error(table: &PlanTable, actuator: usize) -> Bound {
+pub fn bound_relative_error_of_mass_travel_by_press_and_electrodes(table: &PlanTable, actuator: usize) -> Bound {
     let Some(([middle, coarse], estimator)) = &table.coarser else {
         return Bound::Unknown("no coarser model was computed for a comparison");
     };
     let on = |model| {
-        recompute_sag_of_each_mass_on_other_model_m(&table.scene, model, &table.electrodes, &table.pressed)
+        recompute_mass_travel_by_press_and_pull_on_other_model_m(&table.scene, model, &table.electrodes, &table.pressed)
             .get(actuator)
             .copied()
     };
     match (on(&table.model), on(middle), on(coarse)) {
         (Some(fine), Some(middle), Some(coarse)) if fine > 0.0 => estimator
-            .steady_deflection_bound_from_differences((coarse - middle).abs() / fine, (middle - fine).abs() / fine),
+            .steady_deflection_error_bound_from_relative_differences(
+                (coarse - middle).abs() / fine,
+                (middle - fine).abs() / fine,
+            ),
         _ => Bound::Unknown("the press does not move the mass"),
     }
 }

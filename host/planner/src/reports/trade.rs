@@ -179,7 +179,7 @@ fn trace_trade_offs_and_tried_plans_if_wishes_conflict(
     };
     let mut targets = Vec::new();
     for target in (0..curves).filter(|t| alone_g[*t] > 0.0) {
-        targets.push(border.trace_curve_of_alone_peak_fractions(target)?);
+        targets.push(border.trace_curve_of_others_fraction_over_target_fraction(target)?);
     }
     let seen = border.seen;
     let quiet = explore_peaks_at_relaxed_quiet_limits(table, request, &wanted_g)?;
@@ -243,7 +243,7 @@ struct TradeFrontier<'a> {
 
 impl TradeFrontier<'_> {
     /// The curve for `target` in steps: what every other target can have.
-    fn trace_curve_of_alone_peak_fractions(&mut self, target: usize) -> Result<Curve, PlanError> {
+    fn trace_curve_of_others_fraction_over_target_fraction(&mut self, target: usize) -> Result<Curve, PlanError> {
         // The others never get more for the target's getting more.
         let mut most = 1.0;
         let parts: Vec<f64> = (0..=STEPS).map(|step| f64::from(step) / f64::from(STEPS)).collect();

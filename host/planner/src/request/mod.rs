@@ -235,7 +235,7 @@ fn describe_range(min: f64, max: f64) -> String {
 
 /// Checks everything about a request; returns it with its targets and quiet zones moved onto the surface, and the wanted intensity of each target
 /// in g.
-pub(crate) fn check_request_and_move_onto_surface(
+pub(crate) fn check_request_and_snap_to_surface_returning_wanted_peaks_g(
     table: &PlanTable,
     request: &Request,
 ) -> Result<(Request, Vec<f64>), PlanError> {

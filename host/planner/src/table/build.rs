@@ -139,7 +139,7 @@ fn compute_table_parts(
         find_poles_and_switch_on_model_if_converged(&model)
     };
     let onset = free.as_ref().map(|(_, onset)| onset);
-    let drivers = list_driver_models(&electrodes, &transducers, &receptance);
+    let drivers = list_electrodes_transducer_and_receptance_of_each_actuator(&electrodes, &transducers, &receptance);
     let mass_kg = scene.surface_mass_with_air_kg();
     let panel = EntryContext { model: &model, mass_kg, products: &products, drivers: &drivers, onset, purpose };
     let columns: Vec<Option<Vec<Entry>>> = frequencies_hz
@@ -161,7 +161,7 @@ fn find_poles_and_switch_on_model_if_converged(model: &ReducedModel) -> Option<(
 }
 
 /// For each actuator its electrodes, its transducer and its own static receptance.
-fn list_driver_models<'a>(
+fn list_electrodes_transducer_and_receptance_of_each_actuator<'a>(
     electrodes: &'a [Electrodes],
     transducers: &'a [Transducer],
     static_receptance: &[[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
@@ -197,7 +197,7 @@ fn find_electrodes_and_press_effects(
     known_press_effects: Option<&[PressEffect]>,
 ) -> (Vec<Electrodes>, Vec<PressEffect>) {
     let mut electrodes =
-        lower_voltages_to_lowest_on_same_rail(scene.actuators.iter().map(Electrodes::from_actuator).collect());
+        lower_max_voltages_to_lowest_on_same_rail(scene.actuators.iter().map(Electrodes::from_actuator).collect());
     let pressed = known_press_effects.map_or_else(
         || compute_press_effect_on_each_actuator(scene, model, grid, &electrodes, static_receptance),
         <[_]>::to_vec,
@@ -209,7 +209,7 @@ fn find_electrodes_and_press_effects(
 }
 
 /// Lowers every actuator's highest voltage to the least one of all actuators on its rail.
-fn lower_voltages_to_lowest_on_same_rail(electrodes: Vec<Electrodes>) -> Vec<Electrodes> {
+fn lower_max_voltages_to_lowest_on_same_rail(electrodes: Vec<Electrodes>) -> Vec<Electrodes> {
     let least = |rail: usize| {
         let own = electrodes.iter().enumerate().filter(|(i, _)| rail_index_of_channel(*i) == rail);
         own.map(|(_, electrodes)| electrodes.max_voltage_v).fold(f64::INFINITY, f64::min)
@@ -416,11 +416,14 @@ fn fill_surface_mean_max_and_slope_of_each_entry(
         .par_chunks(CHUNK)
         .map(|chunk| {
             let hz: Vec<f64> = chunk.iter().map(|k| frequencies_hz[*k]).collect();
-            let sweep = shapes.compute_accelerations(&hz)?;
+            let sweep = shapes.compute_accelerations_per_newton_at_all_points(&hz)?;
             let figures = (0..chunk.len()).flat_map(|k| (0..sweep.actuators).map(move |i| (k, i)));
             Ok(figures
                 .map(|(k, i)| {
-                    mean_magnitude_and_bounds_of_square_and_slope(sweep.accelerations_of_all_points(k, i), grid)
+                    mean_magnitude_and_bounds_of_square_and_slope(
+                        sweep.accelerations_per_newton_of_all_points(k, i),
+                        grid,
+                    )
                 })
                 .collect())
         })
@@ -490,7 +493,11 @@ pub(super) fn compute_entries_of_all_actuators_off_grid(
     let unbounded = || ResponseError::Unbounded { frequency_hz, resonance_hz: frequency_hz };
     let nearest = below.as_ref().or(above.as_ref()).ok_or_else(unbounded)?;
     let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
-    let drivers = list_driver_models(&table.electrodes, &table.transducers, &table.static_receptance);
+    let drivers = list_electrodes_transducer_and_receptance_of_each_actuator(
+        &table.electrodes,
+        &table.transducers,
+        &table.static_receptance,
+    );
     let own = coordinates.into_iter().zip(drivers).zip(nearest).enumerate();
     Ok(own
         .map(|(actuator, ((displacement, driver), nearest))| {

@@ -62,7 +62,7 @@ impl EfficiencyBounds {
 
     /// Upper bound on the efficiency of each candidate, h^2 over the bound on the energy; 0 without a response.
     #[must_use]
-    pub fn bound_efficiency_of_each_candidate(&self, squared_accelerations: &[f64]) -> Vec<f64> {
+    pub fn bound_target_to_elsewhere_energy_ratio_of_each_candidate(&self, squared_accelerations: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; squared_accelerations.len()];
         Arch::new().dispatch(Efficiencies(self, squared_accelerations, &mut out));
         out
@@ -71,7 +71,7 @@ impl EfficiencyBounds {
     /// Tighter bounds where the mean squares `near_mean_squares` the target are known in single precision, over a zone that covers
     /// the fraction `zone_fraction` of the surface: for the candidates marked in `likely`; 0 for all others.
     #[must_use]
-    pub fn sharper_efficiency_bounds_of_likely_candidates_or_zero(
+    pub fn sharper_target_to_elsewhere_ratio_bounds_of_likely_or_0(
         &self,
         squared_accelerations: &[f64],
         near_mean_squares: &[f64],
@@ -113,7 +113,7 @@ impl EfficiencyBounds {
 
     /// The peak in m/s^2 that each candidate reaches alone.
     #[must_use]
-    pub fn reach_of_each_candidate_alone_m_per_s2(&self, squared_accelerations: &[f64]) -> Vec<f64> {
+    pub fn max_peak_of_each_candidate_alone_m_per_s2(&self, squared_accelerations: &[f64]) -> Vec<f64> {
         squared_accelerations.iter().zip(&self.max_force_n).map(|(square, force)| square.sqrt() * force).collect()
     }
 
@@ -138,10 +138,14 @@ impl EfficiencyBounds {
     }
 }
 
-kernel!(Efficiencies<'a>(rough: &'a EfficiencyBounds, squares: &'a [f64], out: &'a mut [f64]) -> () = fill_efficiency_bounds);
+kernel!(Efficiencies<'a>(rough: &'a EfficiencyBounds, squares: &'a [f64], out: &'a mut [f64]) -> () = fill_target_to_elsewhere_energy_ratio_bounds);
 
 #[inline(always)]
-fn fill_efficiency_bounds(rough: &EfficiencyBounds, squared_accelerations: &[f64], out: &mut [f64]) {
+fn fill_target_to_elsewhere_energy_ratio_bounds(
+    rough: &EfficiencyBounds,
+    squared_accelerations: &[f64],
+    out: &mut [f64],
+) {
     let ends = rough.least.iter().zip(&rough.whole);
     let bounds = rough.base.iter().zip(&rough.slope).zip(ends.zip(&rough.max_force_n));
     for ((out, square), ((base, slope), ((least, whole), force))) in

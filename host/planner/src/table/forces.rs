@@ -172,7 +172,8 @@ pub(super) fn build_pulse_option_with_max_force(
     let most = electrodes.find_max_force_n_and_limit(own, frequency_hz, pulse_width);
     // What a bias already took off its spring is in the model.
     let by_pull_in = (MAX_SOFTENING_FRACTION / static_receptance + transducer.counted_n_per_m)
-        / (electrodes.mean_softening_n_per_m_per_n(frequency_hz, pulse_width) * electrodes.press_softening_ratio());
+        / (electrodes.mean_softening_n_per_m_per_n(frequency_hz, pulse_width)
+            * electrodes.softening_under_press_relative_to_rest());
     let most = if by_pull_in < most.0 { (by_pull_in, Limit::PullIn) } else { most };
     let receptance = motion.travel.get(actuator).copied().unwrap_or_default();
     let (max_force_n, limit) = find_max_softened_force_n_and_limit(
@@ -240,11 +241,15 @@ fn find_max_softened_force_n_and_limit(
 /// guard time allows.
 pub(super) fn choose_quietest_and_widest_pulse(
     frequency_hz: f64,
-    quieter: &[f64],
-    width: impl Fn(f64) -> PulseOption,
+    candidate_pulse_widths: &[f64],
+    build_option_of_width: impl Fn(f64) -> PulseOption,
 ) -> [PulseOption; 2] {
     let widest = (1.0 - 2.0 * frequency_hz * GUARD_S).min(WIDEST_PULSE);
-    let usable = quieter.iter().filter(|pulse_width| **pulse_width <= widest).map(|pulse_width| width(*pulse_width));
-    let quiet = usable.min_by(|a, b| a.harmonics.total_cmp(&b.harmonics)).unwrap_or_else(|| width(widest));
-    [quiet, width(widest)]
+    let usable = candidate_pulse_widths
+        .iter()
+        .filter(|pulse_width| **pulse_width <= widest)
+        .map(|pulse_width| build_option_of_width(*pulse_width));
+    let quiet =
+        usable.min_by(|a, b| a.harmonics.total_cmp(&b.harmonics)).unwrap_or_else(|| build_option_of_width(widest));
+    [quiet, build_option_of_width(widest)]
 }

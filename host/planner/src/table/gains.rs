@@ -7,7 +7,7 @@ use pulp::Arch;
 
 /// Frequencies of a block: its sums, 4 kB, stay in the first-level cache while all coordinates are added.
 const BLOCK: usize = 512;
-/// Relative error of [`AccelerationCoordinates::squared_accelerations_at_point`] against the entries' own: rounding to single precision, of terms that partly cancel.
+/// Relative error of [`AccelerationCoordinates::squared_accelerations_at_point_by_actuator_and_frequency`] against the entries' own: rounding to single precision, of terms that partly cancel.
 /// What is left out on account of it is looked at again in double precision.
 pub const SINGLE_PRECISION_ERROR: f64 = 1e-4;
 
@@ -54,7 +54,7 @@ impl AccelerationCoordinates {
 
     /// |acceleration|^2 in (m/s^2/N)^2 at the point whose mode shapes are `mode_shapes`, actuator by actuator over all frequencies.
     #[must_use]
-    pub fn squared_accelerations_at_point(&self, mode_shapes: &DVector<f64>) -> Vec<f64> {
+    pub fn squared_accelerations_at_point_by_actuator_and_frequency(&self, mode_shapes: &DVector<f64>) -> Vec<f64> {
         let mode_shapes: Vec<f32> = mode_shapes.iter().map(|value| to_single_precision(*value)).collect();
         let mut out = vec![0.0; self.actuators * self.frequencies];
         // With the vector instructions that the machine has.
@@ -93,7 +93,7 @@ impl AccelerationCoordinates {
     /// The mean of |acceleration|^2 in (m/s^2/N)^2 over points with these mode shapes and weights, actuator by actuator over all
     /// frequencies, where it is `needed` (it may be told elsewhere as well; 0 where it is not).
     #[must_use]
-    pub fn mean_squared_accelerations_over_points(
+    pub fn mean_squared_accelerations_over_points_by_actuator_and_frequency(
         &self,
         shapes_and_weights: &[(&DVector<f64>, f64)],
         needed: &[bool],
@@ -180,10 +180,14 @@ fn load_lanes_padded_with_zeros(values: &[f32]) -> [f32; LANES] {
     }
 }
 
-kernel!(Squares<'a>(gains: &'a AccelerationCoordinates, shape: &'a [f32], out: &'a mut [f64]) -> () = fill_squared_accelerations);
+kernel!(Squares<'a>(gains: &'a AccelerationCoordinates, shape: &'a [f32], out: &'a mut [f64]) -> () = fill_squared_accelerations_at_point_per_actuator_and_frequency);
 
 #[inline(always)]
-fn fill_squared_accelerations(coordinates: &AccelerationCoordinates, shape: &[f32], out: &mut [f64]) {
+fn fill_squared_accelerations_at_point_per_actuator_and_frequency(
+    coordinates: &AccelerationCoordinates,
+    shape: &[f32],
+    out: &mut [f64],
+) {
     let mut data = coordinates.data.as_slice();
     for own in out.chunks_mut(coordinates.frequencies.max(1)) {
         for block in own.chunks_mut(BLOCK) {

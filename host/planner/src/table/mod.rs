@@ -152,13 +152,13 @@ impl PlanTable {
         Self::build_from_levels(scene, levels, options, None)
     }
 
-    /// Builds the table of `scene`, which is this table's scene with fingers on it ([`Scene::with_finger_at_places`]), from its own
+    /// Builds the table of `scene`, which is this table's scene with fingers on it ([`Scene::replace_finger_by_masses_and_supports_at_places`]), from its own
     /// levels. The press effects are those of this table, because a finger that is part of the panel does not hold it
     /// against another press.
     ///
     /// # Errors
     /// As [`PlanTable::build`].
-    pub fn build_with_fingers_on(
+    pub fn build_for_scene_with_fingers_keeping_press_effects(
         &self,
         scene: &Scene,
         levels: ReducedLevels,

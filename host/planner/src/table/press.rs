@@ -62,8 +62,8 @@ pub struct PressEffect {
 
 /// Mean pull of electrodes in turn on a mass that is off its middle by the fraction `gap_fraction` of its gap, relative to the
 /// force of a spring with the stiffness that the electrodes take off at rest.
-fn mean_pull_relative_to_softening(gap_fraction: f64) -> f64 {
-    gap_fraction / (1.0 - gap_fraction * gap_fraction).powi(2)
+fn mean_pull_over_softening_times_gap_at_offset(offset_over_gap: f64) -> f64 {
+    offset_over_gap / (1.0 - offset_over_gap * offset_over_gap).powi(2)
 }
 
 /// The effect of a press with the scene's force on every actuator. `static_receptance` is travel (row) per steady
@@ -100,14 +100,15 @@ pub fn compute_press_effect_on_each_actuator(
     // With the stops that there are, and those that are missing, one after the other: what one mass on its electrode pulls another by
     // is over when a stop holds it.
     let mut all = given.clone();
-    let mut sags_m = solve_sag_of_each_mass_m(electrodes, &alone, static_receptance, &taken, &all);
+    let mut sags_m =
+        solve_mass_travel_by_press_and_electrode_pull_m(electrodes, &alone, static_receptance, &taken, &all);
     for _ in 0..p {
         let furthest = (0..p)
             .filter(|i| all[*i].is_infinite() && sags_m[*i] > MAX_TRAVEL_FRACTION * electrodes[*i].gap_m)
             .max_by(|a, b| (alone[*a].1 / electrodes[*a].gap_m).total_cmp(&(alone[*b].1 / electrodes[*b].gap_m)));
         let Some(i) = furthest else { break };
         all[i] = MAX_TRAVEL_FRACTION * electrodes[i].gap_m;
-        sags_m = solve_sag_of_each_mass_m(electrodes, &alone, static_receptance, &taken, &all);
+        sags_m = solve_mass_travel_by_press_and_electrode_pull_m(electrodes, &alone, static_receptance, &taken, &all);
     }
     let loose: Vec<usize> = (0..p).filter(|i| given[*i].is_infinite() && all[*i].is_finite()).collect();
     let springs = steady.into_iter().collect::<Option<Vec<_>>>().filter(|_| !loose.is_empty()).and_then(|steady| {
@@ -153,7 +154,11 @@ fn find_stiffness_to_add_against_press_if_possible_n_per_m(
     let p = steady_coordinates.len();
     let receptance = model.steady_travel_or_infinity_if_driving_free_motion_m_per_n().view((0, 0), (p, p)).into_owned();
     let pulls_n: Vec<f64> = (0..p)
-        .map(|i| softening_n_per_m[i] * electrodes[i].gap_m * mean_pull_relative_to_softening(MAX_TRAVEL_FRACTION))
+        .map(|i| {
+            softening_n_per_m[i]
+                * electrodes[i].gap_m
+                * mean_pull_over_softening_times_gap_at_offset(MAX_TRAVEL_FRACTION)
+        })
         .collect();
     let most_m: Vec<f64> = electrodes.iter().take(p).map(|own| MAX_TRAVEL_FRACTION * own.gap_m).collect();
     let mut added = None;
@@ -282,7 +287,7 @@ fn softening_at_max_voltage_capped_for_plans_n_per_m(
 
 /// The sags in m on another `model` for positions and stops that are already known.
 #[must_use]
-pub fn recompute_sag_of_each_mass_on_other_model_m(
+pub fn recompute_mass_travel_by_press_and_pull_on_other_model_m(
     scene: &Scene,
     model: &ReducedModel,
     electrodes: &[Electrodes],
@@ -303,7 +308,7 @@ pub fn recompute_sag_of_each_mass_on_other_model_m(
         .collect();
     let receptance = static_receptance_magnitude_or_infinity_m_per_n(model);
     let stops_m: Vec<f64> = pressed.iter().map(|own| own.stop_m).collect();
-    solve_sag_of_each_mass_m(
+    solve_mass_travel_by_press_and_electrode_pull_m(
         electrodes,
         &alone,
         &receptance,
@@ -313,17 +318,17 @@ pub fn recompute_sag_of_each_mass_on_other_model_m(
 }
 
 /// The sag of every mass in m: where the springs balance press and pull, or where a stop holds the mass.
-fn solve_sag_of_each_mass_m(
+fn solve_mass_travel_by_press_and_electrode_pull_m(
     electrodes: &[Electrodes],
-    press_alone: &[((f64, f64), f64)],
+    place_and_travel_by_press_alone_m: &[((f64, f64), f64)],
     static_receptance: &[[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
     max_softening_n_per_m: &[f64],
     stops_m: &[f64],
 ) -> Vec<f64> {
-    let p = press_alone.len();
+    let p = place_and_travel_by_press_alone_m.len();
     // Beyond its gap a mass is on an electrode, whatever holds it.
     let most = |i: usize| stops_m[i].min(electrodes[i].gap_m);
-    let mut x: Vec<f64> = (0..p).map(|i| press_alone[i].1.min(most(i))).collect();
+    let mut x: Vec<f64> = (0..p).map(|i| place_and_travel_by_press_alone_m[i].1.min(most(i))).collect();
     for _ in 0..SAG_ROUNDS {
         let pulled = |i: usize| -> f64 {
             (0..p)
@@ -334,7 +339,7 @@ fn solve_sag_of_each_mass_m(
                         return 0.0;
                     }
                     let force_n = if u < 1.0 {
-                        max_softening_n_per_m[j] * electrodes[j].gap_m * mean_pull_relative_to_softening(u)
+                        max_softening_n_per_m[j] * electrodes[j].gap_m * mean_pull_over_softening_times_gap_at_offset(u)
                     } else {
                         f64::INFINITY
                     };
@@ -342,7 +347,8 @@ fn solve_sag_of_each_mass_m(
                 })
                 .sum()
         };
-        let next: Vec<f64> = (0..p).map(|i| (press_alone[i].1 + pulled(i)).min(most(i))).collect();
+        let next: Vec<f64> =
+            (0..p).map(|i| (place_and_travel_by_press_alone_m[i].1 + pulled(i)).min(most(i))).collect();
         let change = (0..p).map(|i| (next[i] - x[i]).abs() / electrodes[i].gap_m).fold(0.0, f64::max);
         x = next;
         if change < SETTLED {

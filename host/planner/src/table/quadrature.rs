@@ -101,7 +101,10 @@ mod tests {
         let cut = format!("{STARTING_PLATE}\n[[cutout]]\nx_mm = 31.7\ny_mm = 0.0\nlength_mm = 40.3\nwidth_mm = 33.3\n");
         for text in [STARTING_PLATE, &cut] {
             let scene = Scene::parse("plate", text).unwrap();
-            let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
+            let model = PanelModel::build(&scene, Accuracy::FAST, 400.0)
+                .unwrap()
+                .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+                .unwrap();
             let products = compute_mean_shape_products_over_surface(&scene, &model);
             for frequency_hz in [60.0, 287.0, 400.0] {
                 let motions = CoordinateSolver::new(&model).solve_coordinates_per_newton_at(frequency_hz).unwrap();

@@ -118,7 +118,7 @@ impl SharedLimits {
             LimitKind::PullIn => {
                 self.static_receptance[row.actuator].get(actuator).copied().unwrap_or(f64::INFINITY)
                     * pulse.softening_n_per_m_per_n
-                    * electrodes.press_softening_ratio()
+                    * electrodes.softening_under_press_relative_to_rest()
             }
             LimitKind::Breakdown { driver } => {
                 let voltage = if driver == actuator { pulse.square_volts_per_n } else { 0.0 };

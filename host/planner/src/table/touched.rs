@@ -85,8 +85,8 @@ impl<'a> TouchedPanel<'a> {
             if stop.is_stop_requested_or_deadline_over() {
                 return Err(ModelError::Stopped.into());
             }
-            stop.run_stoppable(|| {
-                let touched = self.scene.with_finger_at_places(&[*place]);
+            stop.run_with_self_as_current_stop_request_of_thread(|| {
+                let touched = self.scene.replace_finger_by_masses_and_supports_at_places(&[*place]);
                 let model = self.panel.couple_to_design(&touched)?;
                 let (hz, grid) = (frequencies_hz(&model), SurfaceGrid::at_single_point(&model, *place));
                 Ok(ask(&build::build_table_for_strongest_drives_only(&touched, model, hz, grid, purpose)?))
@@ -105,7 +105,7 @@ impl<'a> TouchedPanel<'a> {
         place_m: (f64, f64),
         options: TableOptions,
     ) -> Result<PlanTable, TouchedError> {
-        let touched = self.scene.with_finger_at_places(&[place_m]);
+        let touched = self.scene.replace_finger_by_masses_and_supports_at_places(&[place_m]);
         Ok(build::build_table(
             &touched,
             self.panel.couple_to_design(&touched)?,
@@ -124,7 +124,7 @@ impl<'a> TouchedPanel<'a> {
         accuracy: Accuracy,
         options: TableOptions,
     ) -> Result<PlanTable, TouchedError> {
-        let touched = self.scene.with_finger_at_places(&[place_m]);
+        let touched = self.scene.replace_finger_by_masses_and_supports_at_places(&[place_m]);
         let levels = ReducedLevels::build(&touched, accuracy, options.to_hz)?;
         Ok(PlanTable::build_from_levels(&touched, levels, options, Some(&self.untouched.pressed))?)
     }

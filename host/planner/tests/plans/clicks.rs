@@ -101,9 +101,10 @@ fn a_weakened_click_is_quieter() {
         design_effect_of_windows_if_click_else_of_drives(&table, poles, &plan, request, options).unwrap()
     };
     let (whole, half) = (design(1.0), design(0.5));
-    let [weakened_db, half_db] = [whole.weaken(0.5), half].map(|design| design.predicted.sound_db.unwrap());
+    let [weakened_db, half_db] =
+        [whole.scale_copy_to_force_fraction(0.5), half].map(|design| design.predicted.sound_db.unwrap());
     assert!((weakened_db - half_db).abs() < 0.3, "{weakened_db} {half_db}");
-    assert_eq!(whole.weaken(0.0).predicted.sound_db, None);
+    assert_eq!(whole.scale_copy_to_force_fraction(0.0).predicted.sound_db, None);
 }
 
 /// The second push of each drive begins at the boundary of its periods that is nearest to the time asked for, however long a push wants to be.

@@ -61,7 +61,7 @@ fn a_finger_is_a_rank_one_change_of_the_receptance() {
         let touched = scene(&format!("{}{FINGER}", panel.text()));
         let with_force = panel.clone().force(t.0, t.1).scene();
         let (at_t, at_x) = (curves(&with_force, place(t)), curves(&with_force, place(x)));
-        let finger_at_t = touched.with_finger_at_places(&[place(t)]);
+        let finger_at_t = touched.replace_finger_by_masses_and_supports_at_places(&[place(t)]);
         let (found_t, found_x) = (curves(&finger_at_t, place(t)), curves(&finger_at_t, place(x)));
         let (mut wanted_t, mut wanted_x) = (Vec::new(), Vec::new());
         for (i, hz) in frequencies_hz().into_iter().enumerate() {
@@ -106,9 +106,13 @@ fn table(scene: &Scene) -> PlanTable {
 }
 
 fn touched_for(untouched: &PlanTable, place: (f64, f64), accuracy: Accuracy) -> PlanTable {
-    let (scene, options) = (untouched.scene.with_finger_at_places(&[place]), few());
+    let (scene, options) = (untouched.scene.replace_finger_by_masses_and_supports_at_places(&[place]), few());
     untouched
-        .build_with_fingers_on(&scene, ReducedLevels::build(&scene, accuracy, options.to_hz).unwrap(), options)
+        .build_for_scene_with_fingers_keeping_press_effects(
+            &scene,
+            ReducedLevels::build(&scene, accuracy, options.to_hz).unwrap(),
+            options,
+        )
         .unwrap()
 }
 
@@ -120,7 +124,7 @@ fn touched(untouched: &PlanTable, place: (f64, f64)) -> PlanTable {
 fn reach(scene: &Scene) -> (PlanTable, ReachMaps) {
     let table = table_for(scene, Accuracy::BALANCED);
     let panel = BarePanel::build(scene, Accuracy::BALANCED, few().to_hz).unwrap();
-    let maps = ReachMaps::compute_with_finger_bounding_weakest_error(
+    let maps = ReachMaps::compute_with_finger_and_error_bound_of_weakest_point(
         &table,
         None,
         TouchedPanel::new(&panel, scene, &table),
@@ -213,8 +217,11 @@ fn the_more_a_finger_damps_the_less_moves_under_it() {
     let place = (0.7 * 0.3, 0.35 * 0.2);
     let curve = |damping: f64| {
         let text = format!("{}[finger]\ndamping_n_s_per_m = {damping}\n", plate().text());
-        let scene = scene(&text).with_finger_at_places(&[place]);
-        let model = PanelModel::build(&scene, Accuracy::BALANCED, 400.0).unwrap().reduce(400.0, &[place]).unwrap();
+        let scene = scene(&text).replace_finger_by_masses_and_supports_at_places(&[place]);
+        let model = PanelModel::build(&scene, Accuracy::BALANCED, 400.0)
+            .unwrap()
+            .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[place])
+            .unwrap();
         let shape = model.shape_deflections_at(place.0, place.1);
         era_model::response::compute_acceleration_curves_per_newton(&model, &shape, &frequencies_hz())
             .unwrap()
@@ -228,6 +235,9 @@ fn the_more_a_finger_damps_the_less_moves_under_it() {
     let sum = |curve: &[Complex64]| curve.iter().map(|z| z.norm()).sum::<f64>();
     assert!(sum(&most) < 0.5 * sum(&none));
     let untouched = plate().scene();
-    assert_eq!(scene(&format!("{}[finger]\n", plate().text())).with_finger_at_places(&[place]), untouched);
-    assert_eq!(untouched.with_finger_at_places(&[place]), untouched);
+    assert_eq!(
+        scene(&format!("{}[finger]\n", plate().text())).replace_finger_by_masses_and_supports_at_places(&[place]),
+        untouched
+    );
+    assert_eq!(untouched.replace_finger_by_masses_and_supports_at_places(&[place]), untouched);
 }

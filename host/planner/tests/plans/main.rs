@@ -19,6 +19,9 @@ use era_planner::{PlanTable, TableOptions};
 fn build_table(text: &str) -> PlanTable {
     let scene = Scene::parse("test scene", text).unwrap();
     let options = TableOptions::default();
-    let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz).unwrap().reduce(options.to_hz, &[]).unwrap();
+    let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz)
+        .unwrap()
+        .reduce_with_residual_shapes_of_actuators_and_points(options.to_hz, &[])
+        .unwrap();
     PlanTable::build(&scene, model, options).unwrap()
 }

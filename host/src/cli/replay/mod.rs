@@ -72,7 +72,9 @@ pub fn run_replay(options: &Replay) -> Outcome {
                 RecordedAction::Stop => send_request_in_thread(daemon, "/v1/stop", place, None, &done),
                 RecordedAction::Arm => send_request_in_thread(daemon, "/v1/arm", place, None, &done),
                 RecordedAction::Clear => send_request_in_thread(daemon, "/v1/faults/clear", place, None, &done),
-                RecordedAction::Fingers(page, message) => pages.send_page_message(*page, message),
+                RecordedAction::Fingers(page, message) => {
+                    pages.send_recorded_message_of_page_to_daemon_or_count_lost(*page, message)
+                }
                 RecordedAction::Gone(page) => pages.close_page(*page),
             }
         }

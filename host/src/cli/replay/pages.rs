@@ -38,12 +38,12 @@ impl<'d> ReplayedPages<'d> {
     /// page go.
     pub fn read_page_messages_until(&mut self, due: Instant) {
         while Instant::now() < due {
-            self.read_page_messages();
+            self.read_pending_messages_counting_errors_and_dropping_closed();
             std::thread::sleep(due.saturating_duration_since(Instant::now()).min(EVERY));
         }
     }
 
-    fn read_page_messages(&mut self) {
+    fn read_pending_messages_counting_errors_and_dropping_closed(&mut self) {
         let refused = &mut self.refused;
         self.open.retain(|_, socket| {
             loop {
@@ -62,7 +62,7 @@ impl<'d> ReplayedPages<'d> {
 
     /// Says a page's message over a socket of its own. One that the daemon has closed is opened anew; what it takes neither way is lost, and
     /// what was recorded after it goes on.
-    pub fn send_page_message(&mut self, page: u64, message: &Value) {
+    pub fn send_recorded_message_of_page_to_daemon_or_count_lost(&mut self, page: u64, message: &Value) {
         self.said += 1;
         // One that is no JSON is kept as it came.
         let text = message.as_str().map_or_else(|| message.to_string(), str::to_owned);
@@ -95,7 +95,7 @@ impl<'d> ReplayedPages<'d> {
 
     /// A page goes away.
     pub fn close_page(&mut self, page: u64) {
-        self.read_page_messages();
+        self.read_pending_messages_counting_errors_and_dropping_closed();
         if let Some(mut socket) = self.open.remove(&page) {
             let _ = socket.close(None).and_then(|()| socket.flush());
         }

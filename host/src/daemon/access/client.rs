@@ -19,7 +19,7 @@ pub enum Peer {
 
 impl Peer {
     /// The end of a connection from this address; of one that is broken already it is not known.
-    pub fn from_address(address: std::io::Result<SocketAddr>) -> Self {
+    pub fn from_address_or_unknown_if_error(address: std::io::Result<SocketAddr>) -> Self {
         address.map_or(Self::Process(None), |address| Self::Address(address.ip().to_canonical()))
     }
 }
@@ -111,7 +111,7 @@ mod tests {
 
     async fn client(peer: &str, name: &str, token: Option<usize>) -> Client {
         let (mut parts, ()) = Request::builder().header("user-agent", name).body(()).unwrap().into_parts();
-        parts.extensions.insert(Peer::from_address(Ok(peer.parse().unwrap())));
+        parts.extensions.insert(Peer::from_address_or_unknown_if_error(Ok(peer.parse().unwrap())));
         if let Some(token) = token {
             parts.extensions.insert(TokenNumber(token));
         }

@@ -23,7 +23,7 @@ pub fn read_single_header<'h>(headers: &'h HeaderMap, name: &HeaderName) -> Resu
 /// # Errors
 /// [`Problem`]: no host or two, a target that is none, a coding of the body that is not known.
 pub fn check_head_and_find_authority(request: &Request) -> Result<Option<Authority>, Problem> {
-    check_transfer_coding(request.headers())?;
+    check_transfer_coding_is_chunked_once_or_absent(request.headers())?;
     let host = read_single_header(request.headers(), &header::HOST)?;
     let uri = request.uri();
     if host.is_none() && request.version() >= Version::HTTP_11 {
@@ -61,8 +61,8 @@ pub fn check_head_and_find_authority(request: &Request) -> Result<Option<Authori
 }
 
 /// Only chunks are undone; whether their end can be found hyper has looked at.
-fn check_transfer_coding(headers: &HeaderMap) -> Result<(), Problem> {
-    let codings = list_lowercase_header_values(headers, &header::TRANSFER_ENCODING);
+fn check_transfer_coding_is_chunked_once_or_absent(headers: &HeaderMap) -> Result<(), Problem> {
+    let codings = split_header_lists_into_lowercase_values_without_parameters(headers, &header::TRANSFER_ENCODING);
     if let Some(other) = codings.iter().find(|coding| *coding != "chunked") {
         let detail = format!(
             "the header transfer-encoding is {other}, but must be chunked, or absent if there is a content-length"
@@ -74,7 +74,10 @@ fn check_transfer_coding(headers: &HeaderMap) -> Result<(), Problem> {
         return Err(bad_header_problem(&header::TRANSFER_ENCODING, "contains chunked twice, but must contain it once"));
     }
     // Who lists it there means the header above (RFC 9110, 10.1.4).
-    if list_lowercase_header_values(headers, &header::TE).iter().any(|coding| coding == "chunked") {
+    if split_header_lists_into_lowercase_values_without_parameters(headers, &header::TE)
+        .iter()
+        .any(|coding| coding == "chunked")
+    {
         return Err(bad_header_problem(&header::TE, "contains chunked, which is allowed in transfer-encoding only"));
     }
     Ok(())
@@ -84,8 +87,8 @@ fn check_transfer_coding(headers: &HeaderMap) -> Result<(), Problem> {
 ///
 /// # Errors
 /// [`Problem`] with status 415, which says that none is taken.
-pub fn check_content_coding(headers: &HeaderMap) -> Result<(), Problem> {
-    match list_lowercase_header_values(headers, &header::CONTENT_ENCODING)
+pub fn check_content_coding_is_identity_or_absent(headers: &HeaderMap) -> Result<(), Problem> {
+    match split_header_lists_into_lowercase_values_without_parameters(headers, &header::CONTENT_ENCODING)
         .into_iter()
         .find(|coding| coding != "identity")
     {
@@ -102,7 +105,7 @@ pub fn check_content_coding(headers: &HeaderMap) -> Result<(), Problem> {
 }
 
 /// Names in a header's list, over all of its lines, in lower case and without what follows a semicolon.
-fn list_lowercase_header_values(headers: &HeaderMap, name: &HeaderName) -> Vec<String> {
+fn split_header_lists_into_lowercase_values_without_parameters(headers: &HeaderMap, name: &HeaderName) -> Vec<String> {
     let lines = headers.get_all(name).iter().map(|line| String::from_utf8_lossy(line.as_bytes()));
     let mut all = Vec::new();
     for line in lines {

@@ -216,7 +216,7 @@ impl Access {
     ///
     /// # Errors
     /// [`Problem`]: there is no token, it is not known, or its role does not include `needed_role`.
-    pub fn check_token_and_find_number_and_role(
+    pub fn check_token_if_required_and_find_number_and_role(
         &self,
         request: &Request,
         needed_role: Option<Role>,

@@ -24,20 +24,20 @@ impl RefusedPages {
     }
 
     /// Tells of a page that was refused; `option_value` is its origin as `--allow-origin` takes it, or what that wants.
-    pub fn warn_once_of_refused_origin(&self, origin: &str, option_value: &Result<String, String>) {
+    pub fn warn_once_of_refused_origin(&self, origin: &str, allow_origin_value_or_fault: &Result<String, String>) {
         if self.add_origin_if_new_and_within_limit(origin) {
             tracing::warn!(
                 origin,
                 "refused a request from a page of another origin: {}",
-                advise_how_to_allow_origin(origin, option_value)
+                advise_how_to_allow_origin(origin, allow_origin_value_or_fault)
             );
         }
     }
 }
 
 /// What lets its page in.
-fn advise_how_to_allow_origin(origin: &str, option_value: &Result<String, String>) -> String {
-    match option_value {
+fn advise_how_to_allow_origin(origin: &str, allow_origin_value_or_fault: &Result<String, String>) -> String {
+    match allow_origin_value_or_fault {
         Ok(origin) => format!("start the daemon with --allow-origin {origin} to allow this origin"),
         // What browsers say of pages from a disk, and of frames that are shut off.
         Err(_) if origin == "null" => {

@@ -55,18 +55,20 @@ impl RequestSender {
         stream: TcpStream,
     ) -> (Self, WatchedConnection<tcp::OwnedWriteHalf>) {
         let (read, sink) = stream.into_split();
-        Self::watch_halves(ReadHalf::Tcp(Arc::new(read)), sink)
+        Self::pair_peer_close_watcher_with_split_connection(ReadHalf::Tcp(Arc::new(read)), sink)
     }
 
     /// The same of a connection through the file system.
     #[cfg(unix)]
     #[must_use]
-    pub fn watch_unix_stream(stream: UnixStream) -> (Self, WatchedConnection<unix::OwnedWriteHalf>) {
+    pub fn pair_peer_close_watcher_with_unix_connection(
+        stream: UnixStream,
+    ) -> (Self, WatchedConnection<unix::OwnedWriteHalf>) {
         let (read, sink) = stream.into_split();
-        Self::watch_halves(ReadHalf::Unix(Arc::new(read)), sink)
+        Self::pair_peer_close_watcher_with_split_connection(ReadHalf::Unix(Arc::new(read)), sink)
     }
 
-    fn watch_halves<W>(source: ReadHalf, sink: W) -> (Self, WatchedConnection<W>) {
+    fn pair_peer_close_watcher_with_split_connection<W>(source: ReadHalf, sink: W) -> (Self, WatchedConnection<W>) {
         let read = Arc::new(ReadBytes::default());
         (Self { source: Some(source.clone()), read: Arc::clone(&read) }, WatchedConnection { source, sink, read })
     }

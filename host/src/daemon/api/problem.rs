@@ -164,7 +164,7 @@ impl Problem {
     /// The same in a part of the request, `also[0]` say; as it is without one. What is wrong with no field of it is wrong with the
     /// whole part.
     #[must_use]
-    pub fn with_field_prefix(mut self, prefix: Option<String>) -> Self {
+    pub fn prefix_field_and_detail_if_prefix_given(mut self, prefix: Option<String>) -> Self {
         let Some(prefix) = prefix else { return self };
         let (field, detail) = match &self.0.field {
             Some(field) => (format!("{prefix}.{field}"), format!("{prefix}.{}", self.0.detail)),
@@ -176,7 +176,7 @@ impl Problem {
 
     /// With the number of the finger that it is about.
     #[must_use]
-    pub fn with_finger_id(mut self, id: i64) -> Self {
+    pub fn with_finger_id_and_detail_prefix(mut self, id: i64) -> Self {
         self.0.finger = Some(id);
         self.0.detail = format!("finger {id}: {}", self.0.detail);
         self

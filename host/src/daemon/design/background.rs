@@ -255,7 +255,7 @@ impl<F: Clone + Send + 'static> NewestJob<F> {
 
     /// No other part of it begins.
     pub fn cancel_current_job(&self) {
-        self.current_job().deadline.cancel();
+        self.current_job().deadline.request_work_to_end_at_once();
     }
 
     /// Begins one of `part_count` parts. `findings_so_far` is what there is of it now; `work` gives what there is in the end, `None` where it was

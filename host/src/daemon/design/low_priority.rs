@@ -27,7 +27,7 @@ impl Deadline {
     }
 
     /// Nobody wants it any more.
-    pub fn cancel(&self) {
+    pub fn request_work_to_end_at_once(&self) {
         self.stop.request_stop();
     }
 
@@ -51,7 +51,7 @@ impl Deadline {
 
     /// Does work whose models and plans end when nobody wants it any more, or when the time is over.
     pub fn run_stoppable_by_cancel_or_time_limit<T>(&self, work: impl FnOnce() -> T) -> T {
-        self.stop.clone().run_stoppable(work)
+        self.stop.clone().run_with_self_as_current_stop_request_of_thread(work)
     }
 
     /// # Errors
@@ -75,7 +75,7 @@ struct CancelOnDrop(Deadline);
 
 impl Drop for CancelOnDrop {
     fn drop(&mut self) {
-        self.0.cancel();
+        self.0.request_work_to_end_at_once();
     }
 }
 
@@ -90,7 +90,7 @@ pub fn spawn_low_priority_thread<T: Send + 'static>(
     let (result, receiver) = oneshot::channel();
     let whole = move || {
         // A mistake is told where it happens, and whoever waits hears that nothing comes.
-        if let Ok(found) = catch_unwind(AssertUnwindSafe(|| run_on_half_the_processors(work))) {
+        if let Ok(found) = catch_unwind(AssertUnwindSafe(|| run_at_low_priority_on_half_the_processors(work))) {
             let _ = result.send(found);
         }
     };
@@ -135,7 +135,7 @@ pub async fn run_low_priority_until_deadline<T: Send + 'static>(
 }
 
 /// Does work on threads of its own, half as many as there are processors, which are to be late rather than others.
-fn run_on_half_the_processors<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+fn run_at_low_priority_on_half_the_processors<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     priority::lower_thread_priority_below_normal();
     let threads = std::thread::available_parallelism().map_or(1, usize::from).div_ceil(2);
     let pool = rayon::ThreadPoolBuilder::new()

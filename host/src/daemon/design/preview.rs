@@ -10,7 +10,7 @@ use crate::daemon::access::client::Client;
 use crate::daemon::access::sender::RequestSender;
 use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::observe::scene::SceneView;
-use crate::daemon::touch::check::find_target;
+use crate::daemon::touch::check::build_planner_target_at_px;
 use crate::daemon::touch::plan_view::{FieldView, PlanView};
 use crate::model::Accuracy;
 use crate::model::levels::ReducedLevels;
@@ -152,7 +152,7 @@ pub fn plan_touch_on_changed_scene(
     check_entry_counts(&attachments)?;
     let scene_toml = attachments.scene_text_with_moves(&request.moves)?;
     let scene = Scene::parse(SOURCE, &scene_toml)?;
-    let target = find_target(&scene, request.x_px, request.y_px, request.intensity_g)?;
+    let target = build_planner_target_at_px(&scene, request.x_px, request.y_px, request.intensity_g)?;
     let options = TableOptions::for_preview();
     check_model_size(&scene, options.to_hz)?;
     let plan_levels = |levels: ReducedLevels| -> Result<_, Problem> {

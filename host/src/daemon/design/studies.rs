@@ -157,7 +157,9 @@ impl Studies {
             deadline.check_not_cancelled_or_expired()?;
             let taken = studies.place.occupy_for(BackgroundWork::Study)?;
             let found = StudyFindings { name: Some(study.spec.name.clone()), ..StudyFindings::default() };
-            let (all, work) = (study.count_designs(), move |job: &BackgroundJob<StudyFindings>| run_study(&study, job));
+            let (all, work) = (study.count_designs(), move |job: &BackgroundJob<StudyFindings>| {
+                run_study_unless_stopped(&study, job)
+            });
             Ok(studies.newest.start_job(taken, all, found, work)?.into())
         };
         let work = BackgroundWork::Study;
@@ -213,10 +215,14 @@ impl Evaluator for BoundedEvaluator<'_> {
 }
 
 /// Runs a study in a folder that is gone afterwards; `None` if it was stopped.
-fn run_study(study: &Study, job: &BackgroundJob<StudyFindings>) -> Result<Option<StudyFindings>, String> {
+fn run_study_unless_stopped(
+    study: &Study,
+    job: &BackgroundJob<StudyFindings>,
+) -> Result<Option<StudyFindings>, String> {
     let told = |error: &dyn std::fmt::Display| error.to_string();
     let place = tempfile::tempdir().map_err(|error| told(&error))?;
-    let folder = StudyFolder::open_or_create(place.path(), study.fingerprint()).map_err(|error| told(&error))?;
+    let folder = StudyFolder::open_or_create_refusing_folder_of_other_study(place.path(), study.fingerprint())
+        .map_err(|error| told(&error))?;
     let quick = QuickEvaluator::new(study.plan_table_options());
     let evaluator = BoundedEvaluator { quick, to_hz: study.spec.method.to_hz, job };
     let ended = compute_missing_rows_of_shard(study, &folder, &evaluator, Shard::ALL, job);
@@ -232,7 +238,7 @@ fn run_study(study: &Study, job: &BackgroundJob<StudyFindings>) -> Result<Option
     let view = |own: &Finalist| build_design_view(study, &written.table, own);
     let nearest = written
         .table
-        .find_one_based_least_violating_design_if_none_kept()
+        .find_one_based_design_nearest_to_limits_if_none_meets_them()
         .map(|(design, entry)| NearestView { design, reason: entry.reason.clone().unwrap_or_default() });
     let (as_it_is, best) = (Some(view(&written.finals.base)), written.finals.best.iter().map(view).collect());
     let first = || written.table.entries.iter().find_map(|entry| entry.reason.clone());

@@ -6,7 +6,7 @@ use super::low_priority::Deadline;
 use super::preview::{PlannedScene, PreviewRequest, plan_touch_on_changed_scene};
 use crate::daemon::access::client::Asker;
 use crate::daemon::api::problem::Problem;
-use crate::daemon::touch::check::{check_intensity_range, find_target};
+use crate::daemon::touch::check::{build_planner_target_at_px, check_intensity_range};
 use crate::daemon::touch::plan_view::PlanView;
 use crate::planner::{Plan, PlanTable};
 use crate::study::tolerances::{
@@ -164,7 +164,7 @@ impl ToleranceStudies {
             let tolerances = request.check_and_fill_in_defaults()?;
             let TolerancesRequest { x_px, y_px, intensity_g, scene, moves, .. } = request;
             if scene.is_none() && moves.is_none() {
-                let plan = table.plan(&[find_target(&table.scene, x_px, y_px, intensity_g)?])?;
+                let plan = table.plan(&[build_planner_target_at_px(&table.scene, x_px, y_px, intensity_g)?])?;
                 deadline.check_not_cancelled_or_expired()?;
                 return looks.begin_study_of_plan(&table, plan, tolerances);
             }
@@ -202,6 +202,6 @@ impl ToleranceStudies {
 
 impl From<RangeError> for Problem {
     fn from(RangeError { field, value, most }: RangeError) -> Self {
-        Self::out_of_range(field, value, 0, most).with_field_prefix(Some(TOLERANCES.into()))
+        Self::out_of_range(field, value, 0, most).prefix_field_and_detail_if_prefix_given(Some(TOLERANCES.into()))
     }
 }

@@ -36,7 +36,7 @@ impl std::fmt::Debug for BoardActivity {
 
 impl BoardActivity {
     /// The board's answer; never, if it has not been told anything.
-    pub async fn await_board_answer(&mut self) -> Result<BegunDrive, RefusedDrive> {
+    pub async fn await_board_answer_or_forever_if_none_is_due(&mut self) -> Result<BegunDrive, RefusedDrive> {
         match self {
             Self::Ordered { answer, .. } => answer.await,
             _ => std::future::pending().await,

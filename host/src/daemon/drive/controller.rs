@@ -39,7 +39,7 @@ impl DriveController {
         Self { equipment, commands, published, updates, task }
     }
 
-    fn send_command_to_task(&self, command: DriveCommand) {
+    fn send_command_to_task_starting_it_first_if_needed(&self, command: DriveCommand) {
         if let Some(task) = self.task.lock().unwrap_or_else(PoisonError::into_inner).take() {
             tokio::spawn(task.run_until_closed());
         }
@@ -51,40 +51,42 @@ impl DriveController {
     ///
     /// # Errors
     /// [`Problem`]: there was a newer touch or a stop, or what the session says.
-    pub async fn drive_touch_order(&self, order: TouchOrder) -> Result<TouchedView, Problem> {
+    pub async fn queue_touch_order_and_wait_until_begun(&self, order: TouchOrder) -> Result<TouchedView, Problem> {
         let (reply, answer) = oneshot::channel();
-        self.send_command_to_task(DriveCommand::Queue(NextRequest::Drive(Box::new(DriveRequest { order, reply }))));
+        self.send_command_to_task_starting_it_first_if_needed(DriveCommand::Queue(NextRequest::Drive(Box::new(
+            DriveRequest { order, reply },
+        ))));
         answer.await.unwrap_or_else(|_| Err(SessionError::Closed.into()))
     }
 
     /// Ends what is driven for touches before `id`, which drives nothing yet.
     pub async fn end_drives_of_touches_before(&self, id: u64) {
         let (reply, done) = oneshot::channel();
-        self.send_command_to_task(DriveCommand::Queue(NextRequest::Overtake { id, reply }));
+        self.send_command_to_task_starting_it_first_if_needed(DriveCommand::Queue(NextRequest::Overtake { id, reply }));
         let _ = done.await;
     }
 
     /// Ends the drive of touch `id` at `when`: its fingers have been lifted.
     pub fn end_touch_at(&self, id: u64, when: Instant) {
-        self.send_command_to_task(DriveCommand::Release { id, when });
+        self.send_command_to_task_starting_it_first_if_needed(DriveCommand::Release { id, when });
     }
 
     /// Has the drive of touch `id` go on until `until`: its fingers are still down. Whether it is still what is shown; one that the board does
     /// not drive is given no more time.
     pub async fn extend_touch_and_check_if_still_shown(&self, id: u64, until: Instant) -> bool {
         let (reply, answer) = oneshot::channel();
-        self.send_command_to_task(DriveCommand::Renew { id, until, reply });
+        self.send_command_to_task_starting_it_first_if_needed(DriveCommand::Renew { id, until, reply });
         answer.await.unwrap_or(false)
     }
 
     /// Drops touch `id` if it waits for what is left of those before: nobody wants it any more.
     pub fn drop_waiting_touch(&self, id: u64) {
-        self.send_command_to_task(DriveCommand::Withdraw { id });
+        self.send_command_to_task_starting_it_first_if_needed(DriveCommand::Withdraw { id });
     }
 
     /// Says that everything has been stopped. The session has been told before.
     pub fn tell_task_all_stopped(&self) {
-        self.send_command_to_task(DriveCommand::Stopped { when: Instant::now() });
+        self.send_command_to_task_starting_it_first_if_needed(DriveCommand::Stopped { when: Instant::now() });
     }
 
     /// Refuses touch `id` if there is a newer one.

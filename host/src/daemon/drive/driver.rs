@@ -79,7 +79,7 @@ impl TouchDriver {
 
     /// Whether parts of the newest touch are still to come: it pauses.
     #[must_use]
-    pub fn has_newest_touch_later_parts(&self) -> bool {
+    pub fn does_newest_touch_have_parts_yet_to_begin(&self) -> bool {
         let later = *self.later.lock().unwrap_or_else(PoisonError::into_inner);
         later.is_some_and(|later| {
             Instant::now() < later.last_begin
@@ -92,7 +92,7 @@ impl TouchDriver {
     ///
     /// # Errors
     /// [`Problem`] that names what is wrong; nothing has changed then.
-    pub async fn drive_touch(
+    pub async fn plan_and_drive_touch_counting_outcome(
         self: &Arc<Self>,
         asker: &Asker,
         request_id: u64,
@@ -131,7 +131,7 @@ impl TouchDriver {
             Ok((plan, order))
         })?;
         drop(place);
-        let driven = self.controller.drive_touch_order(order).await?;
+        let driven = self.controller.queue_touch_order_and_wait_until_begun(order).await?;
         let trade = self.compute_trade_off_if_wanted_and_needed(asker, request_id, touch, &touch.request, &plan).await;
         Ok(TouchedView { trade, ..driven })
     }
@@ -147,7 +147,7 @@ impl TouchDriver {
     ) -> Result<TouchedView, Problem> {
         let prepare = || self.equipment.prepare_touch_order(id, asked_at, plan, fingers, mode);
         let order = tokio::task::block_in_place(prepare)?;
-        self.controller.drive_touch_order(order).await
+        self.controller.queue_touch_order_and_wait_until_begun(order).await
     }
 
     /// What is known of the device, kept up to date.
@@ -159,7 +159,7 @@ impl TouchDriver {
     /// What is known of the device now.
     #[must_use]
     pub fn current_device_snapshot(&self) -> DeviceSnapshot {
-        self.equipment.session.current_snapshot()
+        self.equipment.session.current_snapshot_marked_disconnected_if_thread_hung()
     }
 
     /// How long ago the device last answered; `None` if it never did.
@@ -172,7 +172,7 @@ impl TouchDriver {
     /// Whether the thread that looks after the device does its work.
     #[must_use]
     pub fn is_session_thread_working(&self) -> bool {
-        self.equipment.session.is_thread_working()
+        self.equipment.session.is_thread_running_and_recently_active()
     }
 
     /// Resolves when the thread that looks after the device has ended.
@@ -239,7 +239,7 @@ impl TouchDriver {
     /// it heard.
     pub async fn stop_device(&self) -> Result<(), SessionError> {
         // On its way before anything is waited for, a lock as well.
-        let mut stopping = std::pin::pin!(self.equipment.session.stop());
+        let mut stopping = std::pin::pin!(self.equipment.session.stop_and_disarm_board());
         let at_once = std::future::poll_fn(|context| Poll::Ready(stopping.as_mut().poll(context))).await;
         self.controller.tell_task_all_stopped();
         let result = match at_once {
@@ -260,7 +260,12 @@ impl TouchDriver {
         if self.is_closing() {
             return Err(SessionError::Closed.into());
         }
-        Ok(self.equipment.await_session_answer_unless_thread_hangs(self.equipment.session.arm(stops, asked)).await?)
+        Ok(self
+            .equipment
+            .await_session_answer_unless_thread_hangs(
+                self.equipment.session.arm_on_person_request_unless_stopped_since(stops, asked),
+            )
+            .await?)
     }
 
     /// Clears the device's latched fault.
@@ -280,7 +285,7 @@ impl TouchDriver {
 
     /// The largest acceleration under touch `id`, in g; `None` without a simulated sensor.
     #[must_use]
-    pub fn find_touch_peak_g(&self, id: u64) -> Option<f64> {
+    pub fn find_simulated_sensor_peak_of_touch_g(&self, id: u64) -> Option<f64> {
         self.equipment.sim.as_ref()?.peak_of_touch_if_kept(id).map(|peak| peak.peak_m_per_s2 / STANDARD_GRAVITY)
     }
 

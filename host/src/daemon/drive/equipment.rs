@@ -3,11 +3,11 @@
 use super::known_clicks::KnownClicks;
 use super::order::{PreparedMode, PreparedPlan};
 use crate::daemon::touch::answer::Achieved;
-use crate::device::convert::{drive_to_wire, windows_to_wire};
+use crate::device::convert::{drive_to_wire, windows_to_wire_sequence_dropping_excess};
 use crate::device::session::DriveResult;
 use crate::device::sim::SimControl;
 use crate::device::{AskedAt, DeviceSnapshot, DriveContent, DriveOrder, LinkError, Session, SessionError};
-use crate::planner::drive::assign_channels;
+use crate::planner::drive::assign_channels_in_order_of_drives;
 use crate::planner::residual::RailState;
 use crate::planner::{Plan, PlanTable};
 use era_shared::limits::REST_MS;
@@ -110,7 +110,7 @@ impl DriveEquipment {
         loop {
             match tokio::time::timeout(LOOK, &mut answer).await {
                 Ok(answer) => return answer,
-                Err(_) if self.session.is_thread_hung() => return Err(SessionError::Hangs),
+                Err(_) if self.session.is_thread_alive_without_heartbeat() => return Err(SessionError::Hangs),
                 Err(_) => {}
             }
         }
@@ -127,7 +127,7 @@ impl DriveEquipment {
     ///
     /// # Errors
     /// [`RefusedDrive`].
-    pub async fn begin_drive(
+    pub async fn begin_drive_retrying_once_after_required_rest(
         self: Arc<Self>,
         (id, asked_at): (u64, AskedAt),
         start: Option<Instant>,
@@ -137,7 +137,8 @@ impl DriveEquipment {
         let plan = &prepared.plan;
         let content = match &prepared.mode {
             PreparedMode::Hold(hold) => {
-                let mut drives: Vec<ChannelDrive> = assign_channels(&plan.drives).iter().map(drive_to_wire).collect();
+                let mut drives: Vec<ChannelDrive> =
+                    assign_channels_in_order_of_drives(&plan.drives).iter().map(drive_to_wire).collect();
                 // A finger that feels nothing, as one between two detents, takes no rail down: the next click would wait until it is up again.
                 if drives.iter().all(|drive| drive.voltage_millivolts == 0) {
                     drives.clear();
@@ -149,17 +150,22 @@ impl DriveEquipment {
                 let effects = design.drives.iter().map(|drive| drive.effect.clone()).collect();
                 DriveContent::Envelopes { drives, effects }
             }
-            PreparedMode::Effect(design) => DriveContent::Windows(Box::new(windows_to_wire(&design.windows))),
+            PreparedMode::Effect(design) => {
+                DriveContent::Windows(Box::new(windows_to_wire_sequence_dropping_excess(&design.windows)))
+            }
         };
         let order = DriveOrder { id, asked_at, start, content };
-        let mut driven = self.await_session_answer_unless_thread_hangs(self.session.drive(order.clone())).await;
+        let mut driven = self
+            .await_session_answer_unless_thread_hangs(self.session.begin_drive_arming_if_needed(order.clone()))
+            .await;
         // A burst of before this daemon's time, drives that it does not look after, or effects that follow each other for so long that they are
         // one burst, which needs a rest.
         if let Err(SessionError::Link(LinkError::Refused(Refusal::Duty { wait_ms, .. }))) = &driven
             && *wait_ms <= REST_MS
         {
             tokio::time::sleep(Duration::from_millis(u64::from(*wait_ms) + 1)).await;
-            driven = self.await_session_answer_unless_thread_hangs(self.session.drive(order)).await;
+            driven =
+                self.await_session_answer_unless_thread_hangs(self.session.begin_drive_arming_if_needed(order)).await;
         }
         self.note_rail_voltages_after_drive(&prepared, driven.is_ok());
         let begun = driven.map(|DriveResult { achieved, effect }| {

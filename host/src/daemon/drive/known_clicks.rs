@@ -63,8 +63,9 @@ impl KnownClicks {
         design: impl FnOnce() -> Result<EffectDesign, DesignError>,
     ) -> Result<EffectDesign, DesignError> {
         let key = ClickKey::new(&plan.targets, options);
-        let known =
-            self.lock_clicks().get(&key).and_then(|known| choose_for_rails(known, options.standing_rails_v).cloned());
+        let known = self.lock_clicks().get(&key).and_then(|known| {
+            choose_design_fitting_rails_unless_redesign_could_fit_better(known, options.standing_rails_v).cloned()
+        });
         if let Some(known) = known {
             return Ok(known);
         }
@@ -90,7 +91,10 @@ impl KnownClicks {
 }
 
 /// The design that needs no change of the rails from these voltages, or that was made for them; or any, if no other design would spare the change.
-fn choose_for_rails(designs: &[KnownClick], standing_v: [f64; RAILS]) -> Option<&EffectDesign> {
+fn choose_design_fitting_rails_unless_redesign_could_fit_better(
+    designs: &[KnownClick],
+    standing_v: [f64; RAILS],
+) -> Option<&EffectDesign> {
     let all_used_rails = |design: &EffectDesign, is_fine: &dyn Fn(f64, f64) -> bool| {
         let needed_v = design.find_rail_voltages_v();
         needed_v
@@ -124,7 +128,12 @@ mod tests {
         let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
         let options = TableOptions::default();
         let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
-        let table = PlanTable::build(&scene, model.reduce(options.to_hz, &[]).unwrap(), options).unwrap();
+        let table = PlanTable::build(
+            &scene,
+            model.reduce_with_residual_shapes_of_actuators_and_points(options.to_hz, &[]).unwrap(),
+            options,
+        )
+        .unwrap();
         let target = |x_m: f64, g: f64| Target { x_m, y_m: 0.01, intensity_g: Some(g) };
         let plan = |x_m: f64, g: f64| table.plan(&[target(x_m, g)]).unwrap();
         let plan_for_two = |other_g: f64| table.plan(&[target(0.06, 0.5), target(0.24, other_g)]).unwrap();

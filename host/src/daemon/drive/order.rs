@@ -32,7 +32,7 @@ pub struct TouchOrder {
 impl TouchOrder {
     /// When its effect begins if it is driven now.
     #[must_use]
-    pub fn begin_no_earlier_than(&self, now: Instant) -> Instant {
+    pub fn effect_start_no_earlier_than(&self, now: Instant) -> Instant {
         self.start.map_or(now, |start| start.max(now))
     }
 }

@@ -9,11 +9,12 @@ use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::request::Finger;
 use crate::device::AskedAt;
 use crate::effects::{
-    DesignError, design_effect, design_effect_of_windows_if_click_else_of_drives, is_click_of_windows,
+    DesignError, design_effect, design_effect_of_windows_if_click_else_of_drives,
+    is_click_for_up_to_three_targets_without_quiet_zones,
 };
 use crate::planner::Plan;
 use crate::planner::click::ClickOptions;
-use crate::planner::drive::assign_channels;
+use crate::planner::drive::assign_channels_in_order_of_drives;
 use crate::planner::limitation::Limitation;
 
 /// The first protocol version with single windows.
@@ -49,12 +50,16 @@ impl DriveEquipment {
         let (Some(credit), Some(identity)) = (&snapshot.credit, &snapshot.identity) else { return 1.0 };
         let most_v: Vec<f64> =
             identity.channels.iter().map(|channel| f64::from(channel.max_voltage_millivolts) / 1e3).collect();
-        credit::find_force_fraction_allowed_by_credit(&assign_channels(&plan.drives), &most_v, credit)
+        credit::find_force_fraction_allowed_by_credit(
+            &assign_channels_in_order_of_drives(&plan.drives),
+            &most_v,
+            credit,
+        )
     }
 
     /// Whether the device plays single windows, as those of protocol version 4 on do; if none is known, it is taken for one that does.
     #[must_use]
-    pub fn plays_windows(&self) -> bool {
+    pub fn does_board_play_single_drive_windows_or_is_unknown(&self) -> bool {
         self.session.subscribe_snapshots().borrow().protocol.is_none_or(|version| version >= WINDOWS_VERSION)
     }
 
@@ -93,7 +98,7 @@ impl DriveEquipment {
                 (self.table.predict_travel_and_free_motion_of_plan_if_poles_known(&plan), PreparedMode::Hold(*hold))
             }
             DriveMode::Designed(design) => {
-                let mut design = design.weaken(force_fraction);
+                let mut design = design.scale_copy_to_force_fraction(force_fraction);
                 if force_fraction < 1.0 {
                     design.add_limitation_if_new(Limitation::StillMoving);
                 }
@@ -106,7 +111,8 @@ impl DriveEquipment {
                 let request = *request;
                 let rise = self.table.panel_poles().ok_or(DesignError::Unbounded)?;
                 let mut wished = plan.clone();
-                let is_burst = self.plays_windows() && is_click_of_windows(&plan, request);
+                let is_burst = self.does_board_play_single_drive_windows_or_is_unknown()
+                    && is_click_for_up_to_three_targets_without_quiet_zones(&plan, request);
                 let mut design = if is_burst {
                     // A weaker wish may have another click: the same one is weakened.
                     let standing_rails_v = self.standing_rail_voltages_v_or_zeros();

@@ -43,7 +43,7 @@ impl TouchDriver {
     ///
     /// # Errors
     /// [`Problem`]; nothing is driven then.
-    pub async fn play_effect_file(
+    pub async fn design_effect_file_and_begin_to_play_it(
         self: &Arc<Self>,
         asker: &Asker,
         id: u64,
@@ -70,10 +70,10 @@ impl TouchDriver {
         self.check_neither_superseded_nor_stopped(id, stop_count_at_arrival)?;
         let mut orders = orders.into_iter();
         let first = orders.next().ok_or(DesignError::Unbounded)?;
-        let device = self.controller.drive_touch_order(first.order).await?.device;
+        let device = self.controller.queue_touch_order_and_wait_until_begun(first.order).await?.device;
         // From when the first one begins: it may wait for what is left of earlier touches, and for its rails.
-        let (now, until_end) = (Instant::now(), device.time_until_effect_end());
-        let start = now + device.time_until_effect_start();
+        let (now, until_end) = (Instant::now(), device.time_from_answer_to_effect_end_or_zero());
+        let start = now + device.time_from_answer_to_effect_start_or_zero();
         let after_first = |order: TimedOrder| TimedOrder { begin: order.begin.saturating_sub(first.begin), ..order };
         let later: Vec<TimedOrder> = orders.map(after_first).collect();
         if let Some(last) = later.last() {
@@ -94,7 +94,12 @@ fn prepare_parts(
 ) -> Result<(PanelEffect, Vec<TimedOrder>), Problem> {
     let equipment = || equipment.upgrade().ok_or(SessionError::Closed);
     let poles = table.panel_poles().ok_or(DesignError::Unbounded)?;
-    let mut designer = PartDesigner::new(table, poles, (file.touched_m, file.asked_g), equipment()?.plays_windows());
+    let mut designer = PartDesigner::new(
+        table,
+        poles,
+        (file.touched_m, file.asked_g),
+        equipment()?.does_board_play_single_drive_windows_or_is_unknown(),
+    );
     for part in &file.parts {
         deadline.check_not_cancelled_or_expired()?;
         designer.add_part(part)?;
@@ -145,8 +150,8 @@ async fn drive_orders_at_their_times(
         order.start = Some((start + begin).into_std());
         tokio::time::sleep_until((start + begin - AHEAD - rise).max(free_from)).await;
         let Some(driver) = driver.upgrade() else { return };
-        match driver.controller.drive_touch_order(order).await {
-            Ok(driven) => free_from = Instant::now() + driven.device.time_until_effect_end(),
+        match driver.controller.queue_touch_order_and_wait_until_begun(order).await {
+            Ok(driven) => free_from = Instant::now() + driven.device.time_from_answer_to_effect_end_or_zero(),
             Err(problem) => {
                 tracing::info!(
                     plan = id,

@@ -29,7 +29,7 @@ pub struct DriveState {
 
 impl DriveState {
     /// Whether the newest plan has no forces.
-    pub const fn is_silent(&self) -> bool {
+    pub const fn is_newest_drive_without_voltage(&self) -> bool {
         self.is_silent
     }
 
@@ -68,7 +68,12 @@ impl DriveState {
         board: RailState,
         now: Instant,
     ) -> StartHeadroom {
-        self.residual.find_headroom(motion, steady_drives, self.seconds_since_start(now), board)
+        self.residual.find_wait_and_force_fraction_within_travel_limits(
+            motion,
+            steady_drives,
+            self.seconds_since_start(now),
+            board,
+        )
     }
 
     /// The fraction of a plan's forces for which there is room now.

@@ -120,7 +120,7 @@ impl DriveTask {
         self.state.note_all_drives_ended(Ending::AtItsBoundary, now);
         let Some(until) = self.state.find_end_of_rest() else { return };
         equipment.session.end_drive_no_later_than(id, now);
-        let plan = held.active.plan.clone().with_reduced_force(Some(Thinned::RESTS));
+        let plan = held.active.plan.clone().with_note_of_reduced_force(Some(Thinned::RESTS));
         let resting = Arc::new(held.active.with_plan_view(plan));
         if let Some(current) = &mut self.state.current {
             current.active = Arc::clone(&resting);

@@ -80,7 +80,7 @@ impl DriveTask {
             let is_due = due.is_some_and(|due| due <= Instant::now());
             let (command, answer) = tokio::select! {
                 biased;
-                answer = self.activity.await_board_answer() => (None, Some(answer)),
+                answer = self.activity.await_board_answer_or_forever_if_none_is_due() => (None, Some(answer)),
                 () = std::future::ready(()), if is_due => (None, None),
                 command = self.inbox.recv() => match command {
                     Some(command) => (Some(command), None),
@@ -95,7 +95,7 @@ impl DriveTask {
                 (Some(command), _) => self.carry_out_command(&equipment, command),
                 (None, None) => self.carry_out_due_activity(&equipment),
             }
-            self.start_queued_request(&equipment);
+            self.start_queued_request_if_board_is_free(&equipment);
             self.publish_state();
         }
     }
@@ -179,7 +179,7 @@ impl DriveTask {
         }
     }
 
-    fn start_queued_request(&mut self, equipment: &Arc<DriveEquipment>) {
+    fn start_queued_request_if_board_is_free(&mut self, equipment: &Arc<DriveEquipment>) {
         while matches!(self.activity, BoardActivity::Free)
             && let Some(next) = self.next.take()
         {
@@ -206,7 +206,7 @@ impl DriveTask {
         }
         let (id, now, first) = (request.order.id, Instant::now(), &request.order.first);
         let board = equipment.read_rail_state_down_up_or_driving();
-        let begin = request.order.begin_no_earlier_than(now);
+        let begin = request.order.effect_start_no_earlier_than(now);
         let find_headroom = || {
             Ok(self.state.find_wait_and_force_fraction_beside_earlier_touches(
                 &first.motion,
@@ -244,7 +244,7 @@ impl DriveTask {
         &mut self,
         equipment: &Arc<DriveEquipment>,
         request: Box<DriveRequest>,
-        since: Option<Instant>,
+        waiting_since: Option<Instant>,
     ) {
         let (board, now) = (equipment.read_rail_state_down_up_or_driving(), Instant::now());
         let TouchOrder { id, credit_fraction, ref drive_mode, ref whole_plan, ref first, .. } = request.order;
@@ -254,13 +254,13 @@ impl DriveTask {
             whole_plan,
             credit_fraction,
             drive_mode,
-            (board, request.order.begin_no_earlier_than(now)),
+            (board, request.order.effect_start_no_earlier_than(now)),
         ) {
             Err(problem) => request.refuse(problem),
             Ok((force_fraction, prepared)) => {
                 equipment.place_simulated_sensor_under_first_target(id, &prepared.plan);
                 // Until it goes to the board: what that takes to answer is no wait.
-                let waited = since.map(|since| since.elapsed());
+                let waited = waiting_since.map(|waiting_since| waiting_since.elapsed());
                 let purpose = DrivePurpose::Touch { request, waited };
                 self.send_drive_to_board(equipment, SentDrive { purpose, prepared, force_fraction, board, since: now });
             }
@@ -298,7 +298,12 @@ impl DriveTask {
         let newest_before = self.state.raise_newest_and_return_previous_id(id);
         let is_soft = sent.board == RailState::Down;
         let start = sent.purpose.wanted_start();
-        let answer = Arc::clone(equipment).begin_drive((id, asked_at), start, sent.prepared.clone(), is_soft);
+        let answer = Arc::clone(equipment).begin_drive_retrying_once_after_required_rest(
+            (id, asked_at),
+            start,
+            sent.prepared.clone(),
+            is_soft,
+        );
         self.activity = BoardActivity::Ordered { sent: Box::new(sent), newest_before, answer: Box::pin(answer) };
     }
 
@@ -346,8 +351,14 @@ impl DriveTask {
             (DrivePurpose::Touch { request, waited }, Ok((achieved, until, begun))) => {
                 let achieved = achieved.with_delay(waited);
                 let DriveRequest { order, reply } = *request;
-                let touched =
-                    self.publish_begun_touch(equipment, order, prepared, force_fraction, (begun, until), achieved);
+                let touched = self.publish_begun_touch_unless_stopped(
+                    equipment,
+                    order,
+                    prepared,
+                    force_fraction,
+                    (begun, until),
+                    achieved,
+                );
                 // Before its sender hears of it.
                 self.publish_state();
                 let _ = reply.send(touched);
@@ -367,7 +378,7 @@ impl DriveTask {
     }
 
     /// Shows what has begun for a touch, unless everything was stopped meanwhile.
-    fn publish_begun_touch(
+    fn publish_begun_touch_unless_stopped(
         &mut self,
         equipment: &DriveEquipment,
         order: TouchOrder,
@@ -431,7 +442,7 @@ impl DriveTask {
         until: Instant,
     ) -> bool {
         let (board, now) = (equipment.read_rail_state_down_up_or_driving(), Instant::now());
-        let is_silent = self.state.is_silent();
+        let is_silent = self.state.is_newest_drive_without_voltage();
         let Some(current) = self.state.current.as_mut() else { return false };
         if current.active.id != id || !is_plan_neither_over_nor_stopped(current, equipment, now) {
             return false;
@@ -470,7 +481,7 @@ pub(super) fn build_active_plan_of_steady_drive(
     thinned: Option<Thinned>,
 ) -> Result<Arc<ActivePlan>, Problem> {
     compute_catching_panics(|| {
-        let plan = PlanView::new(&equipment.table, plan).with_reduced_force(thinned);
+        let plan = PlanView::new(&equipment.table, plan).with_note_of_reduced_force(thinned);
         Ok(Arc::new(ActivePlan::new(id, plan, touches, None)))
     })
 }

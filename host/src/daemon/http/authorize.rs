@@ -49,7 +49,7 @@ pub async fn authorize_request(State(access): State<Arc<Access>>, mut request: R
         let age = [(header::ACCESS_CONTROL_MAX_AGE, PREFLIGHT_S.to_string())];
         (StatusCode::NO_CONTENT, allowed, age).into_response()
     } else {
-        match access.check_token_and_find_number_and_role(
+        match access.check_token_if_required_and_find_number_and_role(
             &request,
             find_needed_role_unless_public(request.method(), request.uri().path()),
         ) {
@@ -88,7 +88,7 @@ mod tests {
             }
             let result = {
                 let request = request.body(axum::body::Body::empty()).unwrap();
-                access.check_token_and_find_number_and_role(
+                access.check_token_if_required_and_find_number_and_role(
                     &request,
                     find_needed_role_unless_public(request.method(), request.uri().path()),
                 )

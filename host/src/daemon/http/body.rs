@@ -1,6 +1,6 @@
 //! Bodies, read whole and in time, and the headers that say what they are.
 
-use crate::daemon::access::head::check_content_coding;
+use crate::daemon::access::head::check_content_coding_is_identity_or_absent;
 use crate::daemon::api::json::{ExpectedForm, parse_json_object};
 use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::touch::admission::MAX_NAME;
@@ -88,7 +88,7 @@ pub async fn read_body_within_limit(
     let (parts, body) = request.into_parts();
     // Before anything is read: whoever asks whether to send it (`Expect: 100-continue`) is told to with the first look.
     if !body.is_end_stream()
-        && let Err(problem) = check_content_coding(&parts.headers)
+        && let Err(problem) = check_content_coding_is_identity_or_absent(&parts.headers)
     {
         return problem.into_response();
     }

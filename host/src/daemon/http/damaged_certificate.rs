@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 const LONGEST_WAIT: Duration = Duration::from_secs(10);
 
 /// Has a folder for this process alone until what is returned is dropped. Other programs are not kept out.
-pub(super) fn lock_folder_exclusively(folder: &Path) -> io::Result<File> {
+pub(super) fn lock_folder_exclusively_waiting_up_to_limit(folder: &Path) -> io::Result<File> {
     let (opened, begun) = (File::open(folder)?, Instant::now());
     loop {
         match opened.try_lock() {

@@ -59,7 +59,7 @@ pub async fn post_effect_file_to_play(
         }
         CheckedEffectFile::from_request(request, &table.scene)
     };
-    let played = app.driver.play_effect_file(&asker, id, stops, read).await;
+    let played = app.driver.design_effect_file_and_begin_to_play_it(&asker, id, stops, read).await;
     app.metrics.count_touch(played.is_ok());
     Ok(Json(played?).into_response())
 }

@@ -449,7 +449,7 @@ pub fn find_or_make_certificate(folder: &Path, names: &[String]) -> Result<TlsFi
     };
     make_private_folder(folder).map_err(unwritten(folder))?;
     // Daemons that are started at the same time would each write a key beside the certificate of another.
-    let _alone = damaged_certificate::lock_folder_exclusively(folder).map_err(unwritten(folder))?;
+    let _alone = damaged_certificate::lock_folder_exclusively_waiting_up_to_limit(folder).map_err(unwritten(folder))?;
     if let Some(files) = TlsFiles::find_whole_pair_in_folder_or_error_if_only_key_missing(folder)? {
         return Ok(files);
     }

@@ -20,7 +20,7 @@ use crate::daemon::observe::scene::SceneView;
 use crate::daemon::observe::state::StateView;
 use crate::daemon::touch::Touch;
 use crate::daemon::touch::answer::TouchedView;
-use crate::daemon::touch::check::{check_intensity_range, find_target};
+use crate::daemon::touch::check::{build_planner_target_at_px, check_intensity_range};
 use crate::daemon::touch::outcome::RequestOutcome;
 use crate::daemon::touch::plan_view::FieldView;
 use crate::daemon::touch::request::TouchRequest;
@@ -74,7 +74,7 @@ pub fn openapi_description_json() -> &'static str {
 struct CommonSchemas;
 
 /// All routes with what they declare: there is no other way to add one. A body has `time` to come.
-fn declare_routes(time: Duration) -> OpenApiRouter<Arc<App>> {
+fn declare_routes(body_time_limit: Duration) -> OpenApiRouter<Arc<App>> {
     let mut router = OpenApiRouter::with_openapi(CommonSchemas::openapi())
         .routes(routes!(post_touch))
         .routes(routes!(get_effects))
@@ -83,7 +83,7 @@ fn declare_routes(time: Duration) -> OpenApiRouter<Arc<App>> {
         .routes(routes!(post_clear_faults))
         .routes(routes!(get_state))
         .routes(routes!(get_scene))
-        .routes(routes!(get_field))
+        .routes(routes!(get_predicted_peak_acceleration_field))
         .routes(routes!(get_study))
         .routes(routes!(stop_study))
         .routes(routes!(get_tolerance_study))
@@ -94,7 +94,7 @@ fn declare_routes(time: Duration) -> OpenApiRouter<Arc<App>> {
     for (path, kind) in page_files::list_page_paths_and_types() {
         router = router.routes(declare_page_file_route(path, kind));
     }
-    let most = |bytes: usize| BodyLimit { bytes, time };
+    let most = |bytes: usize| BodyLimit { bytes, time: body_time_limit };
     let large = OpenApiRouter::new()
         .routes(routes!(post_preview))
         .routes(routes!(begin_tolerance_study))
@@ -196,7 +196,7 @@ async fn post_touch(
     // It has just been read as such.
     app.record_line("touch", || json!({"id": id, "body": serde_json::from_slice::<Value>(&body).unwrap_or_default()}));
     let touched = match Touch::from_request(&request, &app.table.scene) {
-        Ok(touch) => app.driver.drive_touch(&asker, id, stops, &touch).await,
+        Ok(touch) => app.driver.plan_and_drive_touch_counting_outcome(&asker, id, stops, &touch).await,
         Err(problem) => {
             app.metrics.count_touch(false);
             Err(problem)
@@ -235,8 +235,8 @@ async fn get_request_outcome(
     key: Result<Path<String>, PathRejection>,
 ) -> Result<Response, Problem> {
     let Path(key) = key.map_err(|error| Problem::new(ProblemKind::BadPath, error.body_text()))?;
-    let mut told = app.driver.admission.find_outcome(client, &key)?;
-    told.acceleration_peak_g = app.driver.find_touch_peak_g(told.id);
+    let mut told = app.driver.admission.find_outcome_by_request_number_or_own_name(client, &key)?;
+    told.acceleration_peak_g = app.driver.find_simulated_sensor_peak_of_touch_g(told.id);
     Ok(Json(told).into_response())
 }
 
@@ -409,7 +409,11 @@ struct FieldQuery {
     params(FieldQuery),
     responses((status = 200, description = "The predicted peak acceleration at the points of a grid", body = FieldView)),
 )]
-async fn get_field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<Response, Problem> {
+async fn get_predicted_peak_acceleration_field(
+    State(app): State<Arc<App>>,
+    client: Client,
+    uri: Uri,
+) -> Result<Response, Problem> {
     let query: FieldQuery = crate::daemon::api::query::parse_query(
         &uri,
         "x_px=NUMBER&y_px=NUMBER, with or without &intensity_g=NUMBER, or is empty",
@@ -418,7 +422,7 @@ async fn get_field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Res
     check_intensity_range(query.intensity_g)?;
     let view = match (query.x_px, query.y_px) {
         (Some(x_px), Some(y_px)) => {
-            let target = find_target(&app.table.scene, x_px, y_px, query.intensity_g)?;
+            let target = build_planner_target_at_px(&app.table.scene, x_px, y_px, query.intensity_g)?;
             let _place = app.driver.admission.wait_for_planner_place_unless_queue_full(client).await?;
             tokio::task::block_in_place(|| -> Result<_, Problem> {
                 let plan = app.table.plan(&[target])?;
@@ -428,7 +432,7 @@ async fn get_field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Res
         (None, None) => {
             let _one = FIELDS.acquire().await;
             tokio::task::block_in_place(|| match app.driver.find_active_plan() {
-                Some(active) => active.get_or_compute_field(&app.table).clone(),
+                Some(active) => active.get_or_compute_peak_acceleration_field(&app.table).clone(),
                 None => FieldView::new(&app.table, None, 0),
             })
         }

@@ -106,7 +106,7 @@ async fn accept_connections(listener: Listener, server: ConnectionServer, mut cl
             () = wait_for_closing(&mut closing) => break,
             Some(_) = tasks.join_next(), if !tasks.is_empty() => {}
             accepted = listener.accept() => match accepted {
-                Ok(incoming) => server.serve_incoming(incoming, &mut tasks),
+                Ok(incoming) => server.spawn_task_serving_all_or_stop_only_or_drop_if_full(incoming, &mut tasks),
                 Err(error) => {
                     tracing::warn!(%error, "cannot accept a connection");
                     tokio::time::sleep(ACCEPT_AGAIN).await;
@@ -147,7 +147,7 @@ impl ConnectionServer {
     }
 
     /// Serves a connection in a task of its own, or drops it where there is no place.
-    fn serve_incoming(&self, incoming: Incoming, tasks: &mut JoinSet<()>) {
+    fn spawn_task_serving_all_or_stop_only_or_drop_if_full(&self, incoming: Incoming, tasks: &mut JoinSet<()>) {
         let place = |places: &Arc<Semaphore>| Arc::clone(places).try_acquire_owned().ok();
         let mut limits = self.limits;
         let (router, guest) = match place(&self.places) {
@@ -166,11 +166,11 @@ impl ConnectionServer {
         let closing = self.closing.clone();
         match incoming {
             Incoming::Tcp(stream) => {
-                let peer = Peer::from_address(stream.peer_addr());
+                let peer = Peer::from_address_or_unknown_if_error(stream.peer_addr());
                 let (sender, stream) = RequestSender::pair_peer_close_watcher_with_tcp_connection(stream);
                 let (end, stream) = (
                     ConnectionEnd { peer, sender, scheme: Some(Scheme("http")) },
-                    Lingering::new(guest.watch_stream(stream)),
+                    Lingering::new(guest.wrap_stream_to_note_first_received_bytes(stream)),
                 );
                 tasks.spawn(async move {
                     guest.serve_until_evicted(serve_connection(stream, end, router, limits, closing)).await
@@ -179,19 +179,21 @@ impl ConnectionServer {
             #[cfg(unix)]
             Incoming::Unix(stream) => {
                 let peer = Peer::Process(stream.peer_cred().ok().and_then(|process| process.pid()));
-                let (sender, stream) = RequestSender::watch_unix_stream(stream);
-                let (end, stream) =
-                    (ConnectionEnd { peer, sender, scheme: None }, Lingering::new(guest.watch_stream(stream)));
+                let (sender, stream) = RequestSender::pair_peer_close_watcher_with_unix_connection(stream);
+                let (end, stream) = (
+                    ConnectionEnd { peer, sender, scheme: None },
+                    Lingering::new(guest.wrap_stream_to_note_first_received_bytes(stream)),
+                );
                 tasks.spawn(async move {
                     guest.serve_until_evicted(serve_connection(stream, end, router, limits, closing)).await
                 })
             }
             Incoming::Tls(stream, acceptor) => {
-                let peer = Peer::from_address(stream.peer_addr());
+                let peer = Peer::from_address_or_unknown_if_error(stream.peer_addr());
                 let (sender, stream) = RequestSender::pair_peer_close_watcher_with_tcp_connection(stream);
                 let (end, stream) = (
                     ConnectionEnd { peer, sender, scheme: Some(Scheme("https")) },
-                    Lingering::new(guest.watch_stream(stream)),
+                    Lingering::new(guest.wrap_stream_to_note_first_received_bytes(stream)),
                 );
                 let serving = async move {
                     match tokio::time::timeout(limits.handshake, acceptor.accept(stream)).await {

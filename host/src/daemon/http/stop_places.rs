@@ -25,7 +25,7 @@ impl StopConnection {
     }
 
     /// Its connection, listened to.
-    pub fn watch_stream<S>(&self, stream: S) -> WatchedStream<S> {
+    pub fn wrap_stream_to_note_first_received_bytes<S>(&self, stream: S) -> WatchedStream<S> {
         WatchedStream { stream, has_spoken: Arc::clone(&self.has_spoken) }
     }
 

@@ -52,7 +52,7 @@ pub async fn drive_fingers_until_page_is_gone(
             held_fingers.end_lifted_drive_after_minimum_tap(&app, &step.touch.fingers);
         }
         if lifted {
-            held_fingers.end_drive(&app);
+            held_fingers.end_held_drive_after_least_time_and_forget_fingers(&app);
         }
     }
 }
@@ -146,7 +146,7 @@ impl HeldFingers {
             self.still = None;
         } else if !app.driver.extend_touch_and_check_if_still_shown(plan, until).await
             && app.driver.find_active_plan().is_none()
-            && !app.driver.has_newest_touch_later_parts()
+            && !app.driver.does_newest_touch_have_parts_yet_to_begin()
             // What is being planned is somebody's touch, and would be older than this.
             && app.driver.admission.is_planner_idle()
             && let Err(problem) = self.drive_step(app, fingers, step).await
@@ -173,7 +173,8 @@ impl HeldFingers {
         let asker = Asker { client: self.client, ..Asker::default() };
         let (id, interruptions) =
             (app.driver.admission.allocate_request_number(), app.driver.count_unrequested_board_interruptions());
-        let mut driving = std::pin::pin!(app.driver.drive_touch(&asker, id, step.stops, &touch));
+        let mut driving =
+            std::pin::pin!(app.driver.plan_and_drive_touch_counting_outcome(&asker, id, step.stops, &touch));
         // To its end in any case, but without waiting for its turn once newer fingers stand in its place.
         let done = loop {
             tokio::select! {
@@ -197,7 +198,7 @@ impl HeldFingers {
                 self.effect_plan = is_effect.then_some(done.plan_id);
                 if !step.is_only_move() {
                     // An effect waits for its rails. The next one waits for them as well, where they only change.
-                    let wait = done.device.time_until_effect_start().saturating_sub(RAILS_CHANGE);
+                    let wait = done.device.time_from_answer_to_effect_start_or_zero().saturating_sub(RAILS_CHANGE);
                     self.newly_down = Some(Instant::now() + wait);
                 }
                 self.held = match touch.mode {
@@ -225,7 +226,7 @@ impl HeldFingers {
         }
     }
 
-    fn end_drive(&mut self, app: &App) {
+    fn end_held_drive_after_least_time_and_forget_fingers(&mut self, app: &App) {
         self.down.clear();
         self.still = None;
         if let Some(held) = self.held.take() {

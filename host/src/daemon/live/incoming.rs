@@ -66,7 +66,7 @@ impl IncomingMessage {
                 None => (text, None),
             },
         };
-        let types = list_type_values_of_message(rest.as_bytes());
+        let types = list_values_of_type_keys_in_possibly_invalid_json(rest.as_bytes());
         let is_touch = !types.is_empty() && types.iter().all(|kind| kind == "touch");
         let rest = parse_json_object(rest.as_bytes(), WANTED_MESSAGE).map_err(|problem| {
             if serde_json::from_str::<IgnoredAny>(&quote_bare_words(original)).is_ok() {
@@ -86,7 +86,7 @@ impl IncomingMessage {
 
     /// What is wrong where it is about controls and has no list of them.
     #[must_use]
-    pub fn missing_controls_problem() -> Problem {
+    pub fn problem_that_controls_field_is_missing() -> Problem {
         Problem::bad_body(format!("`controls` is missing. {WANTED_MESSAGE}")).with_field("controls".into())
     }
 
@@ -112,7 +112,7 @@ impl IncomingMessage {
             wrong += 1;
             if wrong <= MOST_TOLD {
                 problems.push(match id {
-                    Some(id) => problem.with_finger_id(id),
+                    Some(id) => problem.with_finger_id_and_detail_prefix(id),
                     None => problem,
                 });
             }
@@ -141,7 +141,9 @@ impl IncomingMessage {
             seen.extend(id);
             match finger {
                 Ok(finger) => good.push((t, finger)),
-                Err(problem) => refuse(problem.with_field_prefix(Some(part)), id, &mut read.problems),
+                Err(problem) => {
+                    refuse(problem.prefix_field_and_detail_if_prefix_given(Some(part)), id, &mut read.problems)
+                }
             }
         }
         // Stable: in the order of the message otherwise.
@@ -162,7 +164,7 @@ impl IncomingMessage {
 
 /// The texts of all keys `type` of a message's own object, or of each where there are several behind each other or in a list: one that is there twice counts
 /// too. What the message has besides need not be JSON, nor end: a stop counts that has `NaN` beside it, a comma too many, or another message behind it.
-pub fn list_type_values_of_message(message: &[u8]) -> Vec<String> {
+pub fn list_values_of_type_keys_in_possibly_invalid_json(message: &[u8]) -> Vec<String> {
     let text = String::from_utf8_lossy(message);
     let (bytes, mut types) = (text.as_bytes(), Vec::new());
     let (mut at, mut depth) = (0, 0_usize);
@@ -399,9 +401,15 @@ mod tests {
             r#"{"type":"stop","x":"\ud800"}"#,
             r#"{"type":"stop","x":"#,
         ] {
-            assert!(list_type_values_of_message(stop.as_bytes()).contains(&"stop".to_owned()), "{stop}");
+            assert!(
+                list_values_of_type_keys_in_possibly_invalid_json(stop.as_bytes()).contains(&"stop".to_owned()),
+                "{stop}"
+            );
         }
-        assert!(list_type_values_of_message(b"{\"type\":\"stop\",\"x\":\"\xff\"}").contains(&"stop".to_owned()));
+        assert!(
+            list_values_of_type_keys_in_possibly_invalid_json(b"{\"type\":\"stop\",\"x\":\"\xff\"}")
+                .contains(&"stop".to_owned())
+        );
         for other in [
             "",
             "\"",
@@ -414,7 +422,10 @@ mod tests {
             r#"{"type":{"x":"stop"}}"#,
             r#"{"type"}"stop""#,
         ] {
-            assert!(!list_type_values_of_message(other.as_bytes()).contains(&"stop".to_owned()), "{other}");
+            assert!(
+                !list_values_of_type_keys_in_possibly_invalid_json(other.as_bytes()).contains(&"stop".to_owned()),
+                "{other}"
+            );
         }
     }
 

@@ -54,11 +54,11 @@ pub struct ErrorMessage {
 impl LiveMessage {
     /// The plan, with its field by this table or without.
     #[must_use]
-    pub fn from_plan(active: &ActivePlan, table: Option<&PlanTable>) -> Self {
+    pub fn from_plan_with_field_if_table_given(active: &ActivePlan, table: Option<&PlanTable>) -> Self {
         Self::Plan(Box::new(PlanMessage {
             plan: Some(active.plan.clone()),
             plan_id: Some(active.id),
-            field: table.map(|table| active.get_or_compute_field(table).clone()),
+            field: table.map(|table| active.get_or_compute_peak_acceleration_field(table).clone()),
             touches: active.touches.clone(),
             effect: active.effect.clone(),
         }))

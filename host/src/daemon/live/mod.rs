@@ -310,7 +310,7 @@ async fn serve_page_socket(
                 Some(Err(error)) => break closing::close_frame_for_error(error),
                 None => break None,
             },
-            () = wait_until(reader.find_next_time_when_a_stroke_will_rest()) => reader.end_textures_without_motion(),
+            () = wait_until_or_forever_if_none(reader.find_next_time_when_a_stroke_will_rest()) => reader.end_textures_without_motion(),
             _ = ping.tick() => {
                 let _ = letters.try_send(WriterCommand::Ping);
             }
@@ -372,7 +372,7 @@ async fn wait_reading_one_message_ahead_unless_socket_ends(
 }
 
 /// Until then, if there is such a time.
-async fn wait_until(when: Option<std::time::Instant>) {
+async fn wait_until_or_forever_if_none(when: Option<std::time::Instant>) {
     match when {
         Some(when) => tokio::time::sleep_until(when.into()).await,
         None => std::future::pending().await,

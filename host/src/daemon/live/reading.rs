@@ -2,7 +2,7 @@
 
 use super::controls::{ClickCause, Felt, FeltClick, PageControls, check_controls};
 use super::finger_steps::PageFingers;
-use super::incoming::{CheckedFingers, IncomingMessage, list_type_values_of_message};
+use super::incoming::{CheckedFingers, IncomingMessage, list_values_of_type_keys_in_possibly_invalid_json};
 use super::{MAX_MESSAGE, PageMessage, PageMessageKind, build_error_message};
 use crate::daemon::access::client::Peer;
 use crate::daemon::access::permissions::Role;
@@ -89,7 +89,7 @@ impl PageReader {
     /// Ends the vibration of fingers that have come to rest, or whose texture has gone.
     pub fn end_textures_without_motion(&mut self) {
         let stops = self.app.driver.stop_count();
-        let felt = self.controls.let_time_pass(Instant::now(), stops);
+        let felt = self.controls.update_felt_with_fingers_unmoved(Instant::now(), stops);
         self.queue_felt_click_and_lift_fingers_without_drive(felt, stops);
     }
 
@@ -148,7 +148,7 @@ impl PageReader {
     fn replace_controls(&mut self, text: &str, rest: &PageMessage) -> Result<(), Problem> {
         // As what fingers do: a replay says it again.
         self.record_message(text);
-        let declared = rest.controls.as_deref().ok_or_else(IncomingMessage::missing_controls_problem)?;
+        let declared = rest.controls.as_deref().ok_or_else(IncomingMessage::problem_that_controls_field_is_missing)?;
         self.controls.replace_controls(check_controls(declared, &self.app.table.scene.screen)?);
         self.end_textures_without_motion();
         Ok(())
@@ -173,7 +173,7 @@ impl PageReader {
         self.record_message(text);
         let stops = self.app.driver.stop_count();
         let mut ids_down = self.fingers.list_ids_of_fingers_down();
-        ids_down.extend(self.controls.list_ids_on_controls());
+        ids_down.extend(self.controls.list_ids_of_fingers_on_or_detached_from_controls());
         let CheckedFingers { fingers: mut down, problems } = message.check_fingers(&self.app.table.scene, &ids_down);
         problems.iter().for_each(|problem| self.queue_error_message_to_page(problem));
         let places: Vec<Finger> = down.iter().map(|checked| checked.finger).collect();
@@ -205,7 +205,7 @@ impl PageReader {
             }
             // The effect that these fingers have of their own does not go with the message: that is wrong with them alone.
             for checked in &refused {
-                self.queue_error_message_to_page(&problem.clone().with_finger_id(checked.finger.id));
+                self.queue_error_message_to_page(&problem.clone().with_finger_id_and_detail_prefix(checked.finger.id));
             }
             down = others;
         }
@@ -225,10 +225,11 @@ impl PageReader {
         } else {
             let textures = Touch::from_fingers(&on_textures, Feel::default())?;
             // What the message says of its fingers is not about them.
-            if outside.fingers.is_empty() { textures } else { outside.with_fingers_of(&textures) }
+            if outside.fingers.is_empty() { textures } else { outside.with_added_fingers_of(&textures) }
         };
         let clicked = felt.click.map_or(Ok(()), |click| self.queue_click(click, &steady, stop_count));
-        let are_all_on_controls = self.controls.list_ids_on_controls().next().is_some() && steady.fingers.is_empty();
+        let are_all_on_controls = self.controls.list_ids_of_fingers_on_or_detached_from_controls().next().is_some()
+            && steady.fingers.is_empty();
         if are_all_on_controls && self.fingers.list_ids_of_fingers_down().is_empty() {
             return clicked;
         }
@@ -248,7 +249,8 @@ impl PageReader {
         }
         let ids: Vec<i64> = clicking.iter().map(|checked| checked.finger.id).collect();
         let others: Vec<i64> = steady.fingers.iter().map(|finger| finger.id).filter(|id| !ids.contains(id)).collect();
-        let touch = Touch::from_fingers(&clicking, feel)?.with_fingers_of(&steady.clone().keep_only_fingers(&others));
+        let touch =
+            Touch::from_fingers(&clicking, feel)?.with_added_fingers_of(&steady.clone().keep_only_fingers(&others));
         self.fingers.queue_control_click_with_error_if_oldest_step_dropped(
             touch,
             ids,
@@ -301,7 +303,9 @@ impl PageReader {
 
     /// The same for a message that cannot be used, but says that it is a stop: whatever else is wrong with it is told besides.
     fn stop_device_if_message_asks_and_page_may_touch(&self, message: &[u8]) {
-        if self.page.role >= Role::Touch && list_type_values_of_message(message).iter().any(|kind| kind == "stop") {
+        if self.page.role >= Role::Touch
+            && list_values_of_type_keys_in_possibly_invalid_json(message).iter().any(|kind| kind == "stop")
+        {
             self.stop_device_for_page();
         }
     }

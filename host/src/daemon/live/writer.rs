@@ -57,8 +57,10 @@ impl PageTopics {
     fn build_plan_message(self, app: &App, active: &ActivePlan) -> Value {
         match self.field {
             // The first page that asks works it out.
-            true => tokio::task::block_in_place(|| json!(LiveMessage::from_plan(active, Some(&app.table)))),
-            false => json!(LiveMessage::from_plan(active, None)),
+            true => tokio::task::block_in_place(|| {
+                json!(LiveMessage::from_plan_with_field_if_table_given(active, Some(&app.table)))
+            }),
+            false => json!(LiveMessage::from_plan_with_field_if_table_given(active, None)),
         }
     }
 }

@@ -65,7 +65,7 @@ pub async fn record_every_change_and_measurements_while_rails_up(
                         && now.duration_since(*noted) >= BETWEEN)
             });
             if is_due {
-                recorder.record_line("measured", || json!(make_view(&device)));
+                recorder.queue_line_or_count_as_left_out_if_full("measured", || json!(make_view(&device)));
                 last = Some((condition, now));
             }
         }

@@ -37,7 +37,7 @@ impl ActivePlan {
     /// Its field. Worked out when it is first asked for: most plans of a moving finger, and all where no page is open, are never looked
     /// at, and 1600 points at each touch would take the processor from the touches after it.
     #[must_use]
-    pub fn get_or_compute_field(&self, table: &PlanTable) -> &FieldView {
-        self.field.get_or_init(|| self.plan.compute_field(table, self.id))
+    pub fn get_or_compute_peak_acceleration_field(&self, table: &PlanTable) -> &FieldView {
+        self.field.get_or_init(|| self.plan.compute_peak_acceleration_field(table, self.id))
     }
 }

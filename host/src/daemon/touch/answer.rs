@@ -130,16 +130,17 @@ impl Achieved {
 
     /// How long after this answer an effect begins; nothing of other drives.
     #[must_use]
-    pub fn time_until_effect_start(&self) -> Duration {
+    pub fn time_from_answer_to_effect_start_or_zero(&self) -> Duration {
         let starts_in_ms = self.effect.as_ref().map_or(0.0, |effect| effect.starts_in_ms);
         Duration::try_from_secs_f64(starts_in_ms / 1e3).unwrap_or_default()
     }
 
     /// How long after this answer an effect ends; nothing of other drives.
     #[must_use]
-    pub fn time_until_effect_end(&self) -> Duration {
+    pub fn time_from_answer_to_effect_end_or_zero(&self) -> Duration {
         let duration_ms = self.effect.as_ref().map_or(0.0, |effect| effect.duration_ms);
-        self.time_until_effect_start() + Duration::try_from_secs_f64(duration_ms / 1e3).unwrap_or_default()
+        self.time_from_answer_to_effect_start_or_zero()
+            + Duration::try_from_secs_f64(duration_ms / 1e3).unwrap_or_default()
     }
 
     /// Held up for so long, if it was.

@@ -75,14 +75,17 @@ impl Touch {
         let name = |t: usize| (t > 0).then(|| format!("also[{}]", t - 1));
         let mut request = Request::for_touch(&[]);
         for (t, finger) in fingers.iter().enumerate() {
-            request
-                .targets
-                .push(finger.check_on_scene(scene).map_err(|problem| problem.with_field_prefix(name(t)))?.target);
+            request.targets.push(
+                finger
+                    .check_on_scene(scene)
+                    .map_err(|problem| problem.prefix_field_and_detail_if_prefix_given(name(t)))?
+                    .target,
+            );
         }
         for (i, zone) in asked.quiet.iter().flatten().enumerate() {
             request.quiet.push(
                 zone.check_and_convert(scene)
-                    .map_err(|problem| problem.with_field_prefix(Some(format!("quiet[{i}]"))))?,
+                    .map_err(|problem| problem.prefix_field_and_detail_if_prefix_given(Some(format!("quiet[{i}]"))))?,
             );
         }
         request.objective = asked.objective.unwrap_or_default();
@@ -129,7 +132,7 @@ impl Touch {
 
     /// The same touch with the fingers of another one besides.
     #[must_use]
-    pub fn with_fingers_of(mut self, other: &Self) -> Self {
+    pub fn with_added_fingers_of(mut self, other: &Self) -> Self {
         self.fingers.extend_from_slice(&other.fingers);
         self.request.targets.extend_from_slice(&other.request.targets);
         self
@@ -150,7 +153,7 @@ impl Finger {
     /// # Errors
     /// [`Problem`] that names the field: a place outside the screen or in a cut-out, a peak that nothing can have.
     pub fn check_on_scene(self, scene: &Scene) -> Result<CheckedFinger, Problem> {
-        let target = find_target(scene, self.x_px, self.y_px, self.intensity_g)?;
+        let target = build_planner_target_at_px(scene, self.x_px, self.y_px, self.intensity_g)?;
         check_intensity_range(self.intensity_g)?;
         Ok(CheckedFinger { finger: self, target })
     }
@@ -214,7 +217,7 @@ impl Feel {
         let Feel { duration_ms, count, period_ms, crisp_ms, prefer, .. } = *self;
         let request = EffectRequest { effect, duration_ms, count, period_ms, crisp_ms, prefer };
         // Before anything is planned.
-        request.build_envelope()?;
+        request.build_envelope_or_plain_push_if_click()?;
         Ok((intensity, DriveMode::Effect(request)))
     }
 }
@@ -223,7 +226,12 @@ impl Feel {
 ///
 /// # Errors
 /// [`Problem`] that names the field: a place outside the screen or in a cut-out.
-pub fn find_target(scene: &Scene, x_px: f64, y_px: f64, intensity_g: Option<f64>) -> Result<Target, Problem> {
+pub fn build_planner_target_at_px(
+    scene: &Scene,
+    x_px: f64,
+    y_px: f64,
+    intensity_g: Option<f64>,
+) -> Result<Target, Problem> {
     let (x_m, y_m) = scene.surface_point_at_px(x_px, y_px)?.coordinates_m();
     Ok(Target { x_m, y_m, intensity_g })
 }
@@ -275,7 +283,7 @@ fn check_and_cut_windows_into_spans(
                     format!("{field} is {ms}, but is not allowed together with `effect`: an effect has its own length");
                 Err(Problem::bad_body(detail)
                     .with_field_and_value(field, ms.into(), "absent with an effect".into(), None)
-                    .with_field_prefix(name_of_target(t)))
+                    .prefix_field_and_detail_if_prefix_given(name_of_target(t)))
             }
         };
     }
@@ -288,7 +296,7 @@ fn check_and_cut_windows_into_spans(
     for (t, (from_ms, to_ms)) in window_ends.iter().enumerate() {
         windows.push(
             build_window_if_any_end_given(*from_ms, *to_ms, hold_ms)
-                .map_err(|problem| problem.with_field_prefix(name_of_target(t)))?,
+                .map_err(|problem| problem.prefix_field_and_detail_if_prefix_given(name_of_target(t)))?,
         );
     }
     if windows.iter().all(Option::is_none) {

@@ -49,10 +49,10 @@ impl PlanView {
 
     /// Its field on the table's grid; of an effect that of the even motion, as strong at the target as the effect is.
     #[must_use]
-    pub fn compute_field(&self, table: &PlanTable, plan_id: u64) -> FieldView {
+    pub fn compute_peak_acceleration_field(&self, table: &PlanTable, plan_id: u64) -> FieldView {
         match &self.even {
             Some((even, part)) => {
-                FieldView::compute_scaled_peak_field_zero_without_plan(table, Some(even), plan_id, *part)
+                FieldView::compute_scaled_peak_acceleration_field_zero_without_plan(table, Some(even), plan_id, *part)
             }
             None => FieldView::new(table, Some(&self.plan), plan_id),
         }
@@ -60,7 +60,7 @@ impl PlanView {
 
     /// The same, driven with less.
     #[must_use]
-    pub fn with_reduced_force(self, thinned: Option<Thinned>) -> Self {
+    pub fn with_note_of_reduced_force(self, thinned: Option<Thinned>) -> Self {
         Self { thinned, ..self }
     }
 
@@ -133,11 +133,11 @@ impl FieldView {
     /// The field of `plan` on the table's grid, null in cut-outs; zeros without one.
     #[must_use]
     pub fn new(table: &PlanTable, plan: Option<&Plan>, plan_id: u64) -> Self {
-        Self::compute_scaled_peak_field_zero_without_plan(table, plan, plan_id, 1.0)
+        Self::compute_scaled_peak_acceleration_field_zero_without_plan(table, plan, plan_id, 1.0)
     }
 
     /// The same times `factor`.
-    fn compute_scaled_peak_field_zero_without_plan(
+    fn compute_scaled_peak_acceleration_field_zero_without_plan(
         table: &PlanTable,
         plan: Option<&Plan>,
         plan_id: u64,

@@ -55,7 +55,9 @@ pub fn await_end_of_calls_on_port(path: &str, limit: Duration) -> Result<(), Por
             .map(|other| (other.step.name(), other.since.elapsed()));
         match waits_for {
             None => return Ok(()),
-            Some((call, waited)) if begun.elapsed() >= limit => return Err(make_late_error(path, call, waited)),
+            Some((call, waited)) if begun.elapsed() >= limit => {
+                return Err(make_late_error_looking_up_port_users(path, call, waited));
+            }
             Some(_) => std::thread::sleep(LOOK),
         }
     }
@@ -66,7 +68,7 @@ pub fn await_end_of_calls_on_port(path: &str, limit: Duration) -> Result<(), Por
 ///
 /// # Errors
 /// [`PortError::Late`] with the call that has not returned; [`PortError::Failed`] if the system gives no thread.
-pub fn run_calls_within<T: Send + 'static>(
+pub fn run_port_calls_in_thread_abandoned_after_limit<T: Send + 'static>(
     path: &str,
     limit: Duration,
     calls: impl FnOnce(&CurrentCall) -> T + Send + 'static,
@@ -87,7 +89,7 @@ pub fn run_calls_within<T: Send + 'static>(
     });
     thread.map_err(failed)?;
     results.recv_timeout(limit).map_err(|error| match error {
-        RecvTimeoutError::Timeout => make_late_error(path, step.name(), since.elapsed()),
+        RecvTimeoutError::Timeout => make_late_error_looking_up_port_users(path, step.name(), since.elapsed()),
         RecvTimeoutError::Disconnected => {
             failed(std::io::Error::other("an internal error of this program; please report the error"))
         }
@@ -102,6 +104,6 @@ impl Drop for CallRegistration {
     }
 }
 
-fn make_late_error(path: &str, call: &'static str, waited: Duration) -> PortError {
+fn make_late_error_looking_up_port_users(path: &str, call: &'static str, waited: Duration) -> PortError {
     PortError::Late { path: path.to_owned(), call, waited, users: PortUsers::find_for_port(path) }
 }

@@ -20,7 +20,7 @@ pub enum PortError {
         path: String,
     },
     /// Another program has the port for itself.
-    #[error("the port {path} is in use{}", .users.by_known_or_another_program_clause())]
+    #[error("the port {path} is in use{}", .users.clause_naming_users_or_unknown_program_and_advice_to_end_it())]
     Busy {
         /// The port.
         path: String,
@@ -73,7 +73,7 @@ impl PortError {
         match source.kind() {
             io::ErrorKind::NotFound => Self::Missing { path },
             io::ErrorKind::PermissionDenied => {
-                let denial = PortDenial::find_for_port(&path);
+                let denial = PortDenial::look_up_port_group_and_current_user(&path);
                 Self::Denied { path, denial }
             }
             // TIOCEXCL of whoever has it open, or its lock.

@@ -5,7 +5,7 @@ mod error;
 mod open;
 pub mod users;
 
-pub use call_limit::run_calls_within;
+pub use call_limit::run_port_calls_in_thread_abandoned_after_limit;
 pub use error::PortError;
 pub use open::{SerialPort, open_pseudo_terminal};
 pub use users::PortUsers;

@@ -1,7 +1,7 @@
 //! An open port. No call on it waits without a limit: reading and writing never block, and what else there is has a thread of its own that is
 //! left behind where it does not return.
 
-use super::call_limit::{CurrentCall, await_end_of_calls_on_port, run_calls_within};
+use super::call_limit::{CurrentCall, await_end_of_calls_on_port, run_port_calls_in_thread_abandoned_after_limit};
 use super::error::PortError;
 use era_shared::link::UART_BAUD;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -50,10 +50,10 @@ impl SerialPort {
     pub fn open(path: &str) -> Result<Self, PortError> {
         await_end_of_calls_on_port(path, OPEN_LIMIT)?;
         let own = path.to_owned();
-        let line = run_calls_within(path, OPEN_LIMIT, move |step| {
+        let line = run_port_calls_in_thread_abandoned_after_limit(path, OPEN_LIMIT, move |step| {
             let mut tries = 1;
             loop {
-                match try_open_exclusively(&own, step) {
+                match open_exclusively_in_raw_mode_or_get_failed_call(&own, step) {
                     // Whoever has just closed the port may still hold its lock for a moment: a process that was being forked
                     // meanwhile keeps it until it runs its program.
                     Err((_, Errno::BUSY | Errno::WOULDBLOCK)) if tries < OPEN_TRIES => {
@@ -105,7 +105,10 @@ pub fn open_pseudo_terminal() -> std::io::Result<(SerialPort, String)> {
     Ok((SerialPort { path: format!("the device's end of {path}"), line: Some(master), wait: WAIT }, path))
 }
 
-fn try_open_exclusively(path: &str, current_call: &CurrentCall) -> Result<OwnedFd, (&'static str, Errno)> {
+fn open_exclusively_in_raw_mode_or_get_failed_call(
+    path: &str,
+    current_call: &CurrentCall,
+) -> Result<OwnedFd, (&'static str, Errno)> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let line =
         current_call.name_and_run_call("open", || open(path, flags, Mode::empty())).map_err(|error| ("open", error))?;
@@ -187,7 +190,7 @@ impl Write for SerialPort {
 impl Drop for SerialPort {
     fn drop(&mut self) {
         let Some(line) = self.line.take() else { return };
-        let closed = run_calls_within(&self.path, CLOSE_LIMIT, move |step| {
+        let closed = run_port_calls_in_thread_abandoned_after_limit(&self.path, CLOSE_LIMIT, move |step| {
             drain_output_or_drop_it_after_20_ms(&line, step);
             // A port that is gone has nobody to keep away.
             let _ = step.name_and_run_call("ioctl", || ioctl_tiocnxcl(&line));

@@ -46,7 +46,7 @@ impl PortUsers {
     }
 
     /// The end of a sentence that says that the port is in use.
-    pub(super) fn by_known_or_another_program_clause(&self) -> String {
+    pub(super) fn clause_naming_users_or_unknown_program_and_advice_to_end_it(&self) -> String {
         match self.joined_names_if_any() {
             Some(names) => format!(" by {names}: end {names}{}", self.modem_manager_hint_if_it_has_port()),
             None => format!(" by another program{}: end that program", self.hidden_users_hint_if_any()),
@@ -174,7 +174,7 @@ pub struct PortDenial {
 impl PortDenial {
     /// Looks up who may open the port at this path.
     #[must_use]
-    pub fn find_for_port(port: &str) -> Self {
+    pub fn look_up_port_group_and_current_user(port: &str) -> Self {
         let file_system_root = Path::new("/");
         let user = find_name_of_user_or_group_id(file_system_root, "etc/passwd", rustix::process::geteuid().as_raw());
         Self { access: find_group_with_access_and_membership(file_system_root, port), user }
@@ -231,7 +231,7 @@ mod tests {
         };
         assert!(
             users(&["cat"], false)
-                .by_known_or_another_program_clause()
+                .clause_naming_users_or_unknown_program_and_advice_to_end_it()
                 .contains("by cat (process 7): end cat (process 7)")
         );
         assert!(
@@ -239,7 +239,9 @@ mod tests {
                 .sentence_about_users_of_faulty_port_or_empty()
                 .contains("era install --only rule")
         );
-        assert!(users(&[], true).by_known_or_another_program_clause().contains("of another user"));
+        assert!(
+            users(&[], true).clause_naming_users_or_unknown_program_and_advice_to_end_it().contains("of another user")
+        );
         assert_eq!(users(&[], false).sentence_about_users_of_faulty_port_or_empty(), "");
         let told = users(&[], true).sentence_about_users_of_faulty_port_or_empty();
         assert!(

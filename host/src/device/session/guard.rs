@@ -21,7 +21,7 @@ impl SessionWorker {
         &mut self,
         stop_count: u64,
     ) -> Result<(), SessionError> {
-        self.check_connected_and_nothing_came_between(AskedAt { stops: stop_count, interruptions: None })?;
+        self.check_connected_and_not_stopped_or_interrupted_since(AskedAt { stops: stop_count, interruptions: None })?;
         let begun = Instant::now();
         let was_away = self.away.take();
         self.publish.send_modify(|snapshot| snapshot.waits_to_be_armed = false);
@@ -38,12 +38,12 @@ impl SessionWorker {
             self.publish.send_modify(|snapshot| snapshot.waits_to_be_armed = was_away.is_some());
             self.away = was_away;
             if let SessionError::Link(error) = error {
-                self.handle_link_error(error);
+                self.handle_link_error_closing_link_unless_refused_or_halted(error);
             }
         }
         armed?;
         if let Err(error) = self.refresh_all_parts_of_snapshot() {
-            self.handle_link_error(&error);
+            self.handle_link_error_closing_link_unless_refused_or_halted(&error);
             return Err(error.into());
         }
         if self.armed {
@@ -57,7 +57,10 @@ impl SessionWorker {
     }
 
     /// Refuses what was asked for before a stop, before the device went off, faulted or was away, or while it is away.
-    pub(super) fn check_connected_and_nothing_came_between(&self, asked_at: AskedAt) -> Result<(), SessionError> {
+    pub(super) fn check_connected_and_not_stopped_or_interrupted_since(
+        &self,
+        asked_at: AskedAt,
+    ) -> Result<(), SessionError> {
         self.check_not_stopped_since(asked_at.stops)?;
         self.check_connected()?;
         let now = self.publish.borrow().interruptions;
@@ -103,15 +106,15 @@ impl SessionWorker {
     }
 
     /// Notices that this program did not run for a while, and ends what was driven or asked for before.
-    pub(super) fn stop_board_if_program_was_suspended(&mut self) {
-        let _ = self.stop_board_if_program_was_suspended_and_get_how_long();
+    pub(super) fn stop_board_if_host_slept_or_process_was_suspended(&mut self) {
+        let _ = self.stop_board_and_get_pause_if_host_slept_or_process_suspended();
     }
 
     /// If this program did not run for a while, stops the board and refuses earlier orders; returns how long it did not run. What waited in the
     /// system's buffers meanwhile comes within moments, and is not driven either. A board that was on has gone off by its dead-man timer, and waits
     /// for a person as after any outage: whoever was there may have left.
-    pub(super) fn stop_board_if_program_was_suspended_and_get_how_long(&mut self) -> Option<Duration> {
-        let paused = self.awake.take_pause_since_last_call_if_any()?;
+    pub(super) fn stop_board_and_get_pause_if_host_slept_or_process_suspended(&mut self) -> Option<Duration> {
+        let paused = self.awake.take_time_since_last_call_if_host_slept_or_process_suspended()?;
         self.client.as_ref()?;
         tracing::warn!(
             paused_s = paused.as_secs_f64(),
@@ -125,7 +128,7 @@ impl SessionWorker {
         ));
         self.invalidate_earlier_orders();
         if let Err(error) = self.stop_board_and_await_reply() {
-            self.handle_link_error(&error);
+            self.handle_link_error_closing_link_unless_refused_or_halted(&error);
         }
         Some(paused)
     }
@@ -187,7 +190,7 @@ impl SessionWorker {
             && self.obeyed != self.stops.load(Ordering::SeqCst)
             && let Err(error) = self.stop_board_and_await_reply()
         {
-            self.handle_link_error(&error);
+            self.handle_link_error_closing_link_unless_refused_or_halted(&error);
         }
     }
 
@@ -204,7 +207,7 @@ impl SessionWorker {
             // Another one came between this stop and the look at what it did: both have been obeyed, and the look is the other's.
             Err(LinkError::Halted { by_order: true, .. }) if self.obeyed >= stop_number => Ok(()),
             Err(error) => {
-                self.handle_link_error(&error);
+                self.handle_link_error_closing_link_unless_refused_or_halted(&error);
                 Err(error.into())
             }
             Ok(()) => Ok(()),
@@ -214,7 +217,7 @@ impl SessionWorker {
     /// Stops drives that were set and whose order was then answered with an error: they must not run.
     pub(super) fn stop_board_and_refresh_snapshot(&mut self) {
         if let Err(error) = self.stop_board_and_await_reply().and_then(|()| self.refresh_all_parts_of_snapshot()) {
-            self.handle_link_error(&error);
+            self.handle_link_error_closing_link_unless_refused_or_halted(&error);
         }
     }
 
@@ -296,7 +299,7 @@ impl SessionWorker {
     }
 
     /// Publishes that the device may be gone, unless it has not been there yet.
-    pub(super) fn publish_doubt_if_connected(
+    pub(super) fn publish_that_device_may_be_gone_if_connected(
         publish: &watch::Sender<DeviceSnapshot>,
         request: &'static str,
         waited: Duration,

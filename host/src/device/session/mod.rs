@@ -300,16 +300,16 @@ impl ActivityClock {
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "the age of a process in ms")]
-    fn elapsed_ms(&self) -> u64 {
+    fn ms_since_clock_creation(&self) -> u64 {
         self.origin.elapsed().as_millis() as u64
     }
 
     fn note_activity(&self) {
-        self.last_ms.store(self.elapsed_ms(), Ordering::Relaxed);
+        self.last_ms.store(self.ms_since_clock_creation(), Ordering::Relaxed);
     }
 
     fn time_since_activity(&self) -> Duration {
-        Duration::from_millis(self.elapsed_ms().saturating_sub(self.last_ms.load(Ordering::Relaxed)))
+        Duration::from_millis(self.ms_since_clock_creation().saturating_sub(self.last_ms.load(Ordering::Relaxed)))
     }
 }
 
@@ -346,21 +346,22 @@ impl Session {
     /// Whether the session's thread does its work: it shows life before every request to the device, and
     /// no request takes as long as this: all its tries, twice where another version is spoken, and 5 s for the port and the computer.
     #[must_use]
-    pub fn is_thread_working(&self) -> bool {
+    pub fn is_thread_running_and_recently_active(&self) -> bool {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
             && self.beat.time_since_activity() < self.longest
     }
 
     /// Whether the session's thread does nothing any more though it has not ended.
     #[must_use]
-    pub fn is_thread_hung(&self) -> bool {
-        !self.is_thread_working() && self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+    pub fn is_thread_alive_without_heartbeat(&self) -> bool {
+        !self.is_thread_running_and_recently_active()
+            && self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
     /// The latest snapshot. Where the session's thread hangs the device is shown as not connected.
     #[must_use]
-    pub fn current_snapshot(&self) -> DeviceSnapshot {
-        let hangs = self.is_thread_hung();
+    pub fn current_snapshot_marked_disconnected_if_thread_hung(&self) -> DeviceSnapshot {
+        let hangs = self.is_thread_alive_without_heartbeat();
         let mut snapshot = self.snapshot.borrow().clone();
         if hangs {
             (snapshot.connected, snapshot.in_doubt) = (false, false);
@@ -388,7 +389,7 @@ impl Session {
     /// # Errors
     /// [`SessionError`]; [`SessionError::Stopped`] and [`SessionError::Broken`] if something came between ([`AskedAt`]), and nothing is driven
     /// then; [`LinkError::TooOld`] with a device that cannot play effects.
-    pub async fn drive(&self, order: DriveOrder) -> Result<DriveResult, SessionError> {
+    pub async fn begin_drive_arming_if_needed(&self, order: DriveOrder) -> Result<DriveResult, SessionError> {
         self.refuse_while_answer_is_late_or_thread_hung()?;
         let (answer, reply) = oneshot::channel();
         self.send_command(Command::Drive { order, asked: Instant::now(), answer })?;
@@ -400,7 +401,7 @@ impl Session {
     /// # Errors
     /// [`SessionError`]; a stop was sent all the same where there was a port, and the device's dead-man timer switches it off 250 ms after the
     /// last frame that it heard.
-    pub async fn stop(&self) -> Result<(), SessionError> {
+    pub async fn stop_and_disarm_board(&self) -> Result<(), SessionError> {
         // Before anything else: what is planned meanwhile must not be driven, and the worker looks at the count between any two
         // requests and while it waits for an answer. The command only wakes it and brings the answer.
         let number = self.stops.fetch_add(1, Ordering::SeqCst) + 1;
@@ -425,7 +426,11 @@ impl Session {
     ///
     /// # Errors
     /// [`SessionError`], [`SessionError::Stopped`] if everything was stopped since then; nothing is armed then.
-    pub async fn arm(&self, stop_count: u64, asked_at: Instant) -> Result<(), SessionError> {
+    pub async fn arm_on_person_request_unless_stopped_since(
+        &self,
+        stop_count: u64,
+        asked_at: Instant,
+    ) -> Result<(), SessionError> {
         self.refuse_while_answer_is_late_or_thread_hung()?;
         let (answer, reply) = oneshot::channel();
         self.send_command(Command::Arm { stops: stop_count, asked: asked_at, answer })?;
@@ -444,7 +449,7 @@ impl Session {
 
     /// Refuses an order at once while the device may be gone: it might otherwise be driven when nobody expects it any more. Stops are not refused.
     fn refuse_while_answer_is_late_or_thread_hung(&self) -> Result<(), SessionError> {
-        if self.is_thread_hung() {
+        if self.is_thread_alive_without_heartbeat() {
             return Err(SessionError::Hangs);
         }
         let snapshot = self.snapshot.borrow();

@@ -31,14 +31,14 @@ impl SessionWorker {
         start: Option<Instant>,
         schedule: impl Fn(&mut Self, Option<Instant>) -> Result<DriveResult, SessionError>,
     ) -> Result<DriveResult, SessionError> {
-        self.check_connected_and_nothing_came_between(asked_at)?;
+        self.check_connected_and_not_stopped_or_interrupted_since(asked_at)?;
         match schedule(self, start) {
             Err(SessionError::Link(LinkError::Refused(Refusal::Start { .. }))) => {
                 tracing::info!(
                     plan = id,
                     "the board received the effect after its start time: sending the effect again with a later start"
                 );
-                self.check_connected_and_nothing_came_between(asked_at)?;
+                self.check_connected_and_not_stopped_or_interrupted_since(asked_at)?;
                 schedule(self, None)
             }
             result => result,
@@ -49,7 +49,7 @@ impl SessionWorker {
     pub(super) fn arm_if_needed_and_schedule_envelopes(
         &mut self,
         id: u64,
-        stops: u64,
+        stop_count: u64,
         (drives, effects): (Vec<ChannelDrive>, Vec<Effect>),
         start: Option<Instant>,
     ) -> Result<DriveResult, SessionError> {
@@ -61,7 +61,7 @@ impl SessionWorker {
         }
         self.check_board_fits_and_needs_no_manual_arming()?;
         if self.begin_arming_if_needed_and_is_self_test_pending()? {
-            self.await_armed_or_stop_board(stops)?;
+            self.await_armed_or_stop_board(stop_count)?;
         }
         let Reply::Prepared { achieved } = self.request_from_device_or_stop_it_instead(&prepare)? else {
             return Err(unexpected_reply_error("prepare").into());
@@ -70,9 +70,9 @@ impl SessionWorker {
         self.publish_acknowledged_state(SafetyState::Running);
         // Whatever comes in between, these drives end.
         self.drive_until = Some(Instant::now() + self.device.timing().arming);
-        self.await_rail_voltages_or_go_on_after_arming_time(&achieved, stops)?;
+        self.await_rail_voltages_or_go_on_after_arming_time(&achieved, stop_count)?;
         // Fresh, so that the start is right to a round trip even with a clock that cannot be followed.
-        self.add_clock_sample_if_supported()?;
+        self.request_clock_sample_and_publish_quality_if_supported()?;
         let soonest = Instant::now() + self.lead_time_for_frames(achieved.len());
         let start = start.map_or(soonest, |start| start.max(soonest));
         let start_us = self.clock.board_time_us_at(start).ok_or_else(|| unexpected_reply_error("clock"))?;
@@ -106,7 +106,7 @@ impl SessionWorker {
     pub(super) fn arm_if_needed_and_play_windows(
         &mut self,
         id: u64,
-        stops: u64,
+        stop_count: u64,
         mut sequence: WindowSequence,
         start: Option<Instant>,
     ) -> Result<DriveResult, SessionError> {
@@ -123,7 +123,7 @@ impl SessionWorker {
         }
         self.check_board_fits_and_needs_no_manual_arming()?;
         if self.begin_arming_if_needed_and_is_self_test_pending()? {
-            self.await_armed_or_stop_board(stops)?;
+            self.await_armed_or_stop_board(stop_count)?;
         }
         // Windows end by themselves; what is driven until then is not changed by a refusal.
         let Reply::WindowsPlaying { start_us } = self.request_from_device_or_stop_it_instead(&play)? else {
@@ -131,7 +131,7 @@ impl SessionWorker {
         };
         self.drive_id = id;
         self.publish_acknowledged_state(SafetyState::Running);
-        self.add_clock_sample_if_supported()?;
+        self.request_clock_sample_and_publish_quality_if_supported()?;
         let now = Instant::now();
         let board_us = self.clock.board_time_us_at(now).ok_or_else(|| unexpected_reply_error("clock"))?;
         let start = now + Duration::from_micros(start_us.saturating_sub(board_us));
@@ -152,7 +152,7 @@ impl SessionWorker {
             .borrow()
             .identity
             .as_ref()
-            .map(|board| self.needs.make_drives_at_rail_ready_voltages(board))
+            .map(|board| self.needs.make_precharge_drives_at_rail_standby_voltages(board))
             .unwrap_or_default();
         match self.request_from_device_or_stop_it_instead(&Request::Prepare { drives }).and_then(|_| self.end_drives())
         {

@@ -57,7 +57,7 @@ pub enum BoardFit {
 impl SceneNeeds {
     /// Drives at the voltages at which the rails stand ready. They are prepared and never played, so that only the rails rise.
     #[must_use]
-    pub fn make_drives_at_rail_ready_voltages(
+    pub fn make_precharge_drives_at_rail_standby_voltages(
         &self,
         board: &DeviceIdentity,
     ) -> heapless::Vec<ChannelDrive, MAX_CHANNELS> {

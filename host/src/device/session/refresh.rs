@@ -21,7 +21,7 @@ const CLOCK: Duration = Duration::from_secs(1);
 const QUICK_CLOCK: Duration = Duration::from_millis(50);
 
 impl SessionWorker {
-    pub(super) fn exchange_hello(&mut self) -> Result<(), LinkError> {
+    pub(super) fn exchange_hello_check_same_board_and_refresh_snapshot(&mut self) -> Result<(), LinkError> {
         let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
         let identity = DeviceIdentity::from_reply_if_hello(self.request_from_device_or_stop_it_instead(&hello)?)
             .ok_or_else(|| unexpected_reply_error("hello"))?;
@@ -60,7 +60,7 @@ impl SessionWorker {
         self.refresh_all_parts_of_snapshot()
     }
 
-    pub(super) fn send_keep_alive_and_stop_unarmed_live_board(&mut self) -> Result<(), LinkError> {
+    pub(super) fn send_keep_alive_and_stop_board_live_but_not_armed_by_session(&mut self) -> Result<(), LinkError> {
         let Reply::Alive { state } = self.request_from_device_or_stop_it_instead(&Request::KeepAlive)? else {
             return Err(unexpected_reply_error("keep-alive"));
         };
@@ -84,7 +84,7 @@ impl SessionWorker {
     }
 
     /// Asks for the board's time, quickly at first and then now and then.
-    pub(super) fn add_clock_sample_if_supported(&mut self) -> Result<(), LinkError> {
+    pub(super) fn request_clock_sample_and_publish_quality_if_supported(&mut self) -> Result<(), LinkError> {
         self.quick_samples = self.quick_samples.saturating_sub(1);
         self.next_clock = Instant::now() + if self.quick_samples > 0 { QUICK_CLOCK } else { CLOCK };
         if !self.speaks_version_2_or_later() {
@@ -98,7 +98,7 @@ impl SessionWorker {
             .as_ref()
             .and_then(|client| client.last_answered_frame_written_at().zip(client.last_reply_read_at()));
         if let Some((sent, received)) = times {
-            self.clock.add_sample(sent, received, now_us);
+            self.clock.add_sample_forgetting_earlier_if_board_clock_went_back(sent, received, now_us);
         }
         let quality = self.clock.quality_if_two_samples();
         self.publish.send_modify(|snapshot| snapshot.clock = quality);
@@ -146,11 +146,11 @@ impl SessionWorker {
             SnapshotPart::Status => {
                 let seen = self.request_status_and_act_on_it()?;
                 if seen.restarted {
-                    return self.exchange_hello();
+                    return self.exchange_hello_check_same_board_and_refresh_snapshot();
                 }
                 // What has been measured with it is not asked for again.
                 if seen.measured {
-                    self.snapshot_part_after_details_if_supported()
+                    self.choose_snapshot_part_to_request_after_details()
                 } else {
                     Some(SnapshotPart::Telemetry)
                 }
@@ -163,7 +163,7 @@ impl SessionWorker {
             SnapshotPart::Details => {
                 let seen = self.request_details()?;
                 self.update_snapshot_silently(|snapshot| snapshot.details = Some(seen));
-                self.snapshot_part_after_details_if_supported()
+                self.choose_snapshot_part_to_request_after_details()
             }
             SnapshotPart::Credit => {
                 let seen = self.request_credit()?;
@@ -182,7 +182,7 @@ impl SessionWorker {
         Ok(())
     }
 
-    fn snapshot_part_after_details_if_supported(&self) -> Option<SnapshotPart> {
+    fn choose_snapshot_part_to_request_after_details(&self) -> Option<SnapshotPart> {
         self.speaks_version_or_later(Request::Credit.introduced_in_version()).then_some(SnapshotPart::Credit)
     }
 

@@ -135,11 +135,11 @@ impl SessionWorker {
         loop {
             self.beat.note_activity();
             self.send_one_stop_to_board_if_any_requested();
-            self.carry_out_one_due_duty();
-            let command = inbox.recv_timeout(self.time_until_next_duty());
+            self.carry_out_one_due_task();
+            let command = inbox.recv_timeout(self.time_until_next_due_task());
             // A stop goes before whatever came before it, and so does what has happened meanwhile.
             self.send_one_stop_to_board_if_any_requested();
-            self.stop_board_if_program_was_suspended();
+            self.stop_board_if_host_slept_or_process_was_suspended();
             match command {
                 Ok(Command::Drive { order, asked, answer }) => {
                     let result = self
@@ -161,7 +161,7 @@ impl SessionWorker {
                     }
                 }
                 Ok(Command::Clear { answer }) => {
-                    let _ = answer.send(self.clear_faults());
+                    let _ = answer.send(self.clear_latched_fault_and_invalidate_earlier_orders());
                 }
                 Ok(Command::Arm { stops, asked, answer }) => {
                     let result = self
@@ -186,7 +186,7 @@ impl SessionWorker {
         }
     }
 
-    fn time_until_next_duty(&self) -> Duration {
+    fn time_until_next_due_task(&self) -> Duration {
         if self.look_next.is_some() {
             return Duration::ZERO;
         }
@@ -201,7 +201,7 @@ impl SessionWorker {
     }
 
     /// Does one of the things that are due by now: open the port, send a sign of life, end a drive, refresh the state.
-    fn carry_out_one_due_duty(&mut self) {
+    fn carry_out_one_due_task(&mut self) {
         let now = Instant::now();
         if self.client.is_none() {
             if now >= self.next_open {
@@ -216,16 +216,16 @@ impl SessionWorker {
             self.request_from_device_or_stop_it_instead(&Request::Disarm).map(|_| self.armed = false)
         } else if now >= self.last_heard + self.device.timing().keep_alive {
             // Armed or not: so a board that is gone is seen to be.
-            self.send_keep_alive_and_stop_unarmed_live_board()
+            self.send_keep_alive_and_stop_board_live_but_not_armed_by_session()
         } else if self.look_next.is_some() || now >= self.next_status {
             self.refresh_next_snapshot_part()
         } else if now >= self.next_clock {
-            self.add_clock_sample_if_supported()
+            self.request_clock_sample_and_publish_quality_if_supported()
         } else {
             Ok(())
         };
         if let Err(error) = result {
-            self.handle_link_error(&error);
+            self.handle_link_error_closing_link_unless_refused_or_halted(&error);
         }
     }
 
@@ -240,7 +240,7 @@ impl SessionWorker {
             .and_then(|()| Ok(self.device.open_client()?))
             .and_then(|client| {
                 self.client = Some(client);
-                self.exchange_hello()
+                self.exchange_hello_check_same_board_and_refresh_snapshot()
             });
         match opened {
             Ok(()) => {
@@ -248,7 +248,7 @@ impl SessionWorker {
                 self.reopen = REOPEN;
             }
             Err(error) => {
-                self.handle_link_error(&error);
+                self.handle_link_error_closing_link_unless_refused_or_halted(&error);
                 // A hello that a stop came between is begun anew.
                 self.take_client_adding_its_statistics();
                 self.reopen = (self.reopen * 2).min(REOPEN_MOST);
@@ -261,7 +261,7 @@ impl SessionWorker {
         let stops = asked_at.stops;
         let result = match content {
             DriveContent::Steady { drives, hold, from_zero } => self
-                .check_connected_and_nothing_came_between(asked_at)
+                .check_connected_and_not_stopped_or_interrupted_since(asked_at)
                 .and_then(|()| self.arm_if_needed_and_set_drives(id, stops, drives, (hold, from_zero))),
             DriveContent::Envelopes { drives, effects } => {
                 self.schedule_effect_retrying_if_start_passed(id, asked_at, start, |worker, start| {
@@ -275,7 +275,7 @@ impl SessionWorker {
             }
         };
         if let Err(SessionError::Link(error)) = &result {
-            self.handle_link_error(error);
+            self.handle_link_error_closing_link_unless_refused_or_halted(error);
         }
         result
     }
@@ -283,11 +283,11 @@ impl SessionWorker {
     fn arm_if_needed_and_set_drives(
         &mut self,
         id: u64,
-        stops: u64,
+        stop_count: u64,
         drives: Vec<ChannelDrive>,
-        (hold, from_zero): (Duration, bool),
+        (hold, disarm_first): (Duration, bool),
     ) -> Result<DriveResult, SessionError> {
-        if from_zero && self.armed {
+        if disarm_first && self.armed {
             self.request_from_device_or_stop_it_instead(&Request::Disarm)?;
             self.armed = false;
             self.drive_until = None;
@@ -304,7 +304,7 @@ impl SessionWorker {
         if fresh {
             // The device holds the drives until its self-test has passed; what is acknowledged is driven, and what is refused
             // is not, later than that either.
-            self.await_armed_or_stop_board(stops)?;
+            self.await_armed_or_stop_board(stop_count)?;
         }
         let now = Instant::now();
         self.drive_id = id;
@@ -385,7 +385,7 @@ impl SessionWorker {
         Ok(())
     }
 
-    fn clear_faults(&mut self) -> Result<(), SessionError> {
+    fn clear_latched_fault_and_invalidate_earlier_orders(&mut self) -> Result<(), SessionError> {
         self.check_connected()?;
         self.clear_latched_fault_or_refuse_other_code(None)?;
         // Before a fault that came and went unseen.
@@ -406,7 +406,7 @@ impl SessionWorker {
     pub(super) fn request_from_device_or_stop_it_instead(&mut self, request: &Request) -> Result<Reply, LinkError> {
         self.beat.note_activity();
         if !matches!(request, Request::Stop)
-            && let Some(waited) = self.stop_board_if_program_was_suspended_and_get_how_long()
+            && let Some(waited) = self.stop_board_and_get_pause_if_host_slept_or_process_suspended()
         {
             return Err(LinkError::Halted { request: request_name(request), waited, by_order: false });
         }
@@ -423,7 +423,8 @@ impl SessionWorker {
             seen.set(stops.load(Ordering::SeqCst));
             seen.get() != obeyed
         };
-        let mut in_doubt = |request, waited| Self::publish_doubt_if_connected(publish, request, waited);
+        let mut in_doubt =
+            |request, waited| Self::publish_that_device_may_be_gone_if_connected(publish, request, waited);
         let reply = client.request_sending_stop_when_ordered_or_late(
             request,
             WaitHooks { in_doubt: &mut in_doubt, is_stopped: &is_stopped },
@@ -463,7 +464,7 @@ impl SessionWorker {
 
     /// Acts on an error of the link. After a refusal the link stays open and the state is refreshed soon; any other error closes the link, which is
     /// opened again later.
-    pub(super) fn handle_link_error(&mut self, error: &LinkError) {
+    pub(super) fn handle_link_error_closing_link_unless_refused_or_halted(&mut self, error: &LinkError) {
         if matches!(error, LinkError::Refused(_) | LinkError::TooOld { .. }) {
             self.next_status = Instant::now();
             tracing::warn!(%error, "the device refused a request");

@@ -161,7 +161,7 @@ impl SimBoard {
     }
 
     /// What the reset pin does: drives end and everything but the panel's motion and the rails' charge is forgotten.
-    pub fn restart(&mut self) {
+    pub fn restart_keeping_panel_motion_and_rail_voltages(&mut self) {
         let was_live = self.kept.is_some_and(|run| run.is_live);
         self.info.fault_before_reset = was_live.then_some((FaultCode::ResetWhileLive, 0));
         self.info.kept_before_reset = self.kept;
@@ -252,7 +252,8 @@ impl SimBoard {
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
     fn compute_average_supply_microamps_now(&self) -> u32 {
-        (self.panel.electrodes.mean_current_a() * 1e6).round() as u32 + self.defects.leakage_microamps
+        (self.panel.electrodes.mean_supply_current_over_last_ms_a() * 1e6).round() as u32
+            + self.defects.leakage_microamps
     }
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
@@ -340,7 +341,7 @@ impl Board for SimBoard {
         Ok(self.panel.pulse_electrode_and_measure_rail_mv(channel, electrode))
     }
 
-    fn keep_for_next_start(&mut self, run: KeptRun) {
+    fn store_run_record_for_next_boot(&mut self, run: KeptRun) {
         self.kept = Some(run);
     }
 
@@ -376,12 +377,14 @@ impl Board for SimBoard {
         }
         let done_s = self.panel.time_s();
         let source = self.panel.channel_timer_mut(preload.channel).ok_or(FaultCode::DriveFailed)?;
-        source.preload_period(&preload.period, from_s, done_s).map_err(|_| FaultCode::ReadBack)?;
+        source
+            .preload_repeating_period_and_drop_later_ones(&preload.period, from_s, done_s)
+            .map_err(|_| FaultCode::ReadBack)?;
         if self.mistakes.both_electrodes {
-            source.make_b_overlap_a();
+            source.make_b_overlap_a_in_last_preload();
         }
         if self.mistakes.long_periods {
-            source.lengthen_period_by_one_tick();
+            source.lengthen_last_preloaded_period_by_one_tick();
         }
         Ok(())
     }
@@ -391,7 +394,7 @@ impl Board for SimBoard {
     }
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-    fn take_peak_acceleration_mm_per_s2(&mut self) -> Option<u32> {
+    fn take_peak_acceleration_mm_per_s2_if_sensor_exists(&mut self) -> Option<u32> {
         self.advance_panel_to_now();
         Some((self.panel.accelerometer.take_peak_since_last_call_and_at_least_50_ms_m_per_s2() * 1e3).round() as u32)
     }

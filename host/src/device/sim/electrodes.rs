@@ -88,7 +88,7 @@ impl SimElectrodes {
     /// Mean current of the supply over the last ms in A, as it is measured.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "some 40 steps")]
-    pub fn mean_current_a(&self) -> f64 {
+    pub fn mean_supply_current_over_last_ms_a(&self) -> f64 {
         self.last_a.iter().sum::<f64>() / self.last_a.len() as f64
     }
 
@@ -162,7 +162,13 @@ impl SimElectrodes {
 
     /// The self-test's pulses on one electrode, whose rail has no supply: they are over at once.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-    pub fn pulse(&mut self, time_s: f64, channel: usize, electrode: Electrode, rail: &mut SimRail) -> ElectrodePulses {
+    pub fn apply_self_test_pulses_and_measure_rail_mv(
+        &mut self,
+        time_s: f64,
+        channel: usize,
+        electrode: Electrode,
+        rail: &mut SimRail,
+    ) -> ElectrodePulses {
         let (pulse_s, pause_s) = (f64::from(TEST_PULSE_MICROSECONDS) / 1e6, f64::from(TEST_PAUSE_MICROSECONDS) / 1e6);
         let mut rail_v = rail.volts_at(time_s);
         let mut after_first_v = rail_v;
@@ -206,7 +212,7 @@ mod tests {
             let on = if step % 80 < 40 { ON_A } else { Default::default() };
             electrodes.step(f64::from(step) * step_s, step_s, &on, &mut rails);
             if step >= 4_000 {
-                sum += electrodes.mean_current_a();
+                sum += electrodes.mean_supply_current_over_last_ms_a();
                 count += 1;
             }
         }

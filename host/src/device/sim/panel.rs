@@ -219,7 +219,7 @@ impl SimPanel {
     pub fn timer_outputs_at_electrodes_now(&self) -> SimOutputs {
         let (time_s, connected) = (self.time_s(), self.connected);
         let active_periods = self.sources.each_ref().map(|source| {
-            let mut active = source.as_ref()?.active_period_at(time_s)?;
+            let mut active = source.as_ref()?.active_period_at_or_first_if_none_has_begun(time_s)?;
             if !connected {
                 (active.windows.a.length, active.windows.b.length) = (0, 0);
             }
@@ -251,7 +251,7 @@ impl SimPanel {
         let time_s = self.time_s();
         let index = rail_index_of_channel(channel);
         let mut rail = self.rail(index);
-        let pulses = self.electrodes.pulse(time_s, channel, electrode, &mut rail);
+        let pulses = self.electrodes.apply_self_test_pulses_and_measure_rail_mv(time_s, channel, electrode, &mut rail);
         self.set_rail(index, rail);
         pulses
     }
@@ -310,7 +310,11 @@ impl SimPanel {
         for (((channel, pull), on_part), transducer) in
             pulls.iter_mut().enumerate().zip(&mut on_parts).zip(&self.transducers)
         {
-            let source = self.sources.get(channel).and_then(Option::as_ref).filter(|source| !source.is_blank());
+            let source = self
+                .sources
+                .get(channel)
+                .and_then(Option::as_ref)
+                .filter(|source| !source.has_no_electrode_windows_now_or_preloaded());
             let volts = volts.get(rail_index_of_channel(channel)).copied().unwrap_or(0.0);
             let source = source.filter(|_| volts > 0.0);
             if let Some(source) = source {
@@ -327,7 +331,8 @@ impl SimPanel {
                 continue;
             };
             // Without a timer the lower switches are on.
-            let on_s = source.map_or([None; 2], |source| source.on_stretches_from_step_start_s(from_s, self.step_s));
+            let on_s = source
+                .map_or([None; 2], |source| source.on_stretch_of_each_electrode_from_step_start_s(from_s, self.step_s));
             for ((pull, electrode), on_s) in pull.iter_mut().zip(electrodes).zip(on_s) {
                 let square =
                     electrode.advance_step_and_get_mean_square_v2(transducer.charging, volts, on_s, self.step_s);

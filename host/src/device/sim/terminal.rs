@@ -177,7 +177,7 @@ impl SimDevice {
         let thread = std::thread::Builder::new().name("simulated-device".into()).spawn(move || {
             // A board keeps its time whatever else the computer does.
             priority::raise_thread_priority();
-            DeviceLoop::new(panel, &max_voltages_v, board_id, wishes).run_until_quit(&mut terminal);
+            DeviceLoop::new(panel, &max_voltages_v, board_id, wishes).run_until_quit_even_without_host(&mut terminal);
         })?;
         Ok(Self { path, control, thread: Some(thread) })
     }
@@ -239,7 +239,7 @@ impl DeviceLoop {
         }
     }
 
-    fn run_until_quit(mut self, terminal: &mut Line) {
+    fn run_until_quit_even_without_host(mut self, terminal: &mut Line) {
         let mut buffer = [0_u8; 512];
         let mut due_us = 0_u64;
         loop {
@@ -313,7 +313,7 @@ impl DeviceLoop {
             if self.board.has_entered_bootloader() {
                 self.restart_board();
             }
-            let begin_after: Vec<Duration> = find_window_start_in_each_answer_us(&answers)
+            let begin_after: Vec<Duration> = find_window_starts_in_accepting_answers_us(&answers)
                 .map(|start_us| Duration::from_micros(start_us.saturating_sub(received_us)))
                 .collect();
             self.note_request_times_drive_frames_and_deadman(received, received_at, &begin_after);
@@ -429,7 +429,7 @@ impl DeviceLoop {
     /// The same panel under a board that has just started.
     fn restart_board(&mut self) {
         self.board.hold_time_at_us(None);
-        self.board.restart();
+        self.board.restart_keeping_panel_motion_and_rail_voltages();
         self.device = Device::new();
         self.device.complete_boot_to_discharging_or_fault(&mut self.board);
         self.port.discard_partial_frame();
@@ -455,7 +455,7 @@ fn replace_stops_with_keep_alives(decoder: &mut Decoder, bytes: &[u8]) -> Vec<u8
 }
 
 /// When the windows begin that answers accept, in us of the board's time, in their order.
-fn find_window_start_in_each_answer_us(answers: &[Vec<u8>]) -> impl Iterator<Item = u64> {
+fn find_window_starts_in_accepting_answers_us(answers: &[Vec<u8>]) -> impl Iterator<Item = u64> {
     let mut starts_us = Vec::new();
     let mut decoder = Decoder::new();
     for answer in answers {

@@ -22,12 +22,17 @@ impl PeriodStretch {
         Ok(Self { from_s, windows, tick_s: windows.tick_length_s(ChannelLimits::BOARD.timer_clock_hz) })
     }
 
-    fn is_blank(&self) -> bool {
+    fn has_no_electrode_windows(&self) -> bool {
         self.windows.a.length == 0 && self.windows.b.length == 0
     }
 
     /// The part of a window, repeated in every period, between two times, as begin and end in s.
-    fn window_within_s(&self, window: TickWindow, from_s: f64, to_s: f64) -> Option<(f64, f64)> {
+    fn first_on_interval_of_repeating_window_within_s(
+        &self,
+        window: TickWindow,
+        from_s: f64,
+        to_s: f64,
+    ) -> Option<(f64, f64)> {
         if window.length == 0 {
             return None;
         }
@@ -46,7 +51,8 @@ impl PeriodStretch {
         let (from, to) = ((from_s - self.from_s) / self.tick_s, (to_s - self.from_s) / self.tick_s);
         let period = self.windows.period;
         let on = |window: TickWindow| {
-            window_on_ticks_until(window, period, to) - window_on_ticks_until(window, period, from)
+            cumulative_window_on_ticks_up_to_a_constant(window, period, to)
+                - cumulative_window_on_ticks_up_to_a_constant(window, period, from)
         };
         [on(self.windows.a) * self.tick_s, on(self.windows.b) * self.tick_s]
     }
@@ -74,7 +80,7 @@ impl SimTimer {
     ///
     /// # Errors
     /// [`WindowsError`] if the registers of `period` do not describe alternating windows.
-    pub fn preload_period(
+    pub fn preload_repeating_period_and_drop_later_ones(
         &mut self,
         period: &TimerPeriod,
         from_s: f64,
@@ -91,14 +97,14 @@ impl SimTimer {
     }
 
     /// Makes a mistake: in the period that was preloaded last, electrode B is on when A is.
-    pub fn make_b_overlap_a(&mut self) {
+    pub fn make_b_overlap_a_in_last_preload(&mut self) {
         if let Some(last) = self.stretches.back_mut() {
             last.windows.b = last.windows.a;
         }
     }
 
     /// Makes a mistake: the period that was preloaded last is a tick too long.
-    pub fn lengthen_period_by_one_tick(&mut self) {
+    pub fn lengthen_last_preloaded_period_by_one_tick(&mut self) {
         if let Some(last) = self.stretches.back_mut() {
             last.windows.period += 1;
         }
@@ -106,7 +112,7 @@ impl SimTimer {
 
     /// The period that the timer repeats at `time_s`; the first that is known if that begins later.
     #[must_use]
-    pub fn active_period_at(&self, time_s: f64) -> Option<ActivePeriod> {
+    pub fn active_period_at_or_first_if_none_has_begun(&self, time_s: f64) -> Option<ActivePeriod> {
         let begun = self.stretches.iter().rev().find(|stretch| stretch.from_s <= time_s);
         let active = begun.or_else(|| self.stretches.front())?;
         let ticks = (time_s - active.from_s) / active.tick_s;
@@ -115,8 +121,8 @@ impl SimTimer {
 
     /// Whether no electrode is on, now or after what is preloaded.
     #[must_use]
-    pub fn is_blank(&self) -> bool {
-        self.stretches.iter().all(PeriodStretch::is_blank)
+    pub fn has_no_electrode_windows_now_or_preloaded(&self) -> bool {
+        self.stretches.iter().all(PeriodStretch::has_no_electrode_windows)
     }
 
     /// The parts of the time from `from_s` to `from_s + step_s` for which electrodes A and B are on. The mean, not a
@@ -129,7 +135,7 @@ impl SimTimer {
         for stretch in self.stretches.iter().rev() {
             let begin_s = stretch.from_s.max(from_s);
             if begin_s < end_s {
-                if !stretch.is_blank() {
+                if !stretch.has_no_electrode_windows() {
                     let on_s = stretch.electrode_on_durations_s(begin_s, end_s);
                     sum_s = [sum_s[0] + on_s[0], sum_s[1] + on_s[1]];
                 }
@@ -145,7 +151,7 @@ impl SimTimer {
     /// The stretches of the time from `from_s` to `from_s + step_s` in which electrodes A and B are on, as begin and end in s from `from_s`.
     /// A step is shorter than half a period, so that no electrode has two of them; where a boundary lies within the step, both are off there.
     #[must_use]
-    pub fn on_stretches_from_step_start_s(&self, from_s: f64, step_s: f64) -> [Option<(f64, f64)>; 2] {
+    pub fn on_stretch_of_each_electrode_from_step_start_s(&self, from_s: f64, step_s: f64) -> [Option<(f64, f64)>; 2] {
         let to_s = from_s + step_s;
         let mut found: [Option<(f64, f64)>; 2] = [None; 2];
         let mut end_s = to_s;
@@ -153,7 +159,7 @@ impl SimTimer {
             let begin_s = stretch.from_s.max(from_s);
             if begin_s < end_s {
                 for (found, window) in found.iter_mut().zip([stretch.windows.a, stretch.windows.b]) {
-                    let on = stretch.window_within_s(window, begin_s, end_s);
+                    let on = stretch.first_on_interval_of_repeating_window_within_s(window, begin_s, end_s);
                     // The first of two would be the earlier stretch's.
                     *found = on.map(|(on_s, off_s)| (on_s - from_s, off_s - from_s)).or(*found);
                 }
@@ -170,14 +176,14 @@ impl SimTimer {
     /// last; `None` if that is blank.
     #[must_use]
     pub fn time_s_of_force_peak_in_last_preload_unless_blank(&self) -> Option<f64> {
-        let last = self.stretches.back().filter(|stretch| !stretch.is_blank())?;
+        let last = self.stretches.back().filter(|stretch| !stretch.has_no_electrode_windows())?;
         let window = last.windows.a;
         Some(last.from_s + (f64::from(window.start) + f64::from(window.length) / 2.0) * last.tick_s)
     }
 }
 
 /// Ticks for which the window is on from the counter's zero to `ticks` (which may be many periods on), up to a constant.
-fn window_on_ticks_until(window: TickWindow, period: u32, ticks: f64) -> f64 {
+fn cumulative_window_on_ticks_up_to_a_constant(window: TickWindow, period: u32, ticks: f64) -> f64 {
     let (period, length) = (f64::from(period), f64::from(window.length));
     let since_start = ticks - f64::from(window.start);
     let periods = (since_start / period).floor();
@@ -193,7 +199,7 @@ mod tests {
         // 1 ms periods with windows of 0.25 ms, each in the middle of its half: A from 0.125 to 0.375 ms.
         let period = TimerPeriod::with_windows(17, 10_000, 2_500, false);
         let mut source = SimTimer::new(0.0).expect("idle");
-        source.preload_period(&period, 2e-3, 0.0).expect("a period");
+        source.preload_repeating_period_and_drop_later_ones(&period, 2e-3, 0.0).expect("a period");
         let is = |source: &SimTimer, from_s: f64, step_s: f64, a: f64, b: f64| {
             let [on_a, on_b] = source.electrode_on_fractions(from_s, step_s);
             (on_a - a).abs() < 1e-9 && (on_b - b).abs() < 1e-9
@@ -206,7 +212,7 @@ mod tests {
         // The same as begin and end.
         let stretches = |from_s: f64, step_s: f64| {
             source
-                .on_stretches_from_step_start_s(from_s, step_s)
+                .on_stretch_of_each_electrode_from_step_start_s(from_s, step_s)
                 .map(|on| on.map(|(on, off)| [on, off].map(|s| (s * 1e9).round())))
         };
         assert_eq!(stretches(1.9e-3, 25e-6), [None, None]);
@@ -219,17 +225,27 @@ mod tests {
         );
 
         // What is observed from outside: blank before the boundary, and a quarter of the third period after it.
-        let observed = |time_s| source.active_period_at(time_s).expect("a timer has a period");
+        let observed =
+            |time_s| source.active_period_at_or_first_if_none_has_begun(time_s).expect("a timer has a period");
         assert_eq!(observed(1.9e-3).windows.a.length, 0);
         assert_eq!(observed(4.25e-3).windows.a.length, 2_500);
         assert!((observed(4.25e-3).position_ticks - 2_500.0).abs() < 1e-3);
 
         // Overwritten before it takes effect; then silent again.
         let mut changed = source.clone();
-        changed.preload_period(&TimerPeriod::with_windows(17, 10_000, 2_500, true), 2e-3, 0.0).expect("a period");
-        changed.preload_period(&IDLE, 5e-3, 4e-3).expect("idle");
+        changed
+            .preload_repeating_period_and_drop_later_ones(
+                &TimerPeriod::with_windows(17, 10_000, 2_500, true),
+                2e-3,
+                0.0,
+            )
+            .expect("a period");
+        changed.preload_repeating_period_and_drop_later_ones(&IDLE, 5e-3, 4e-3).expect("idle");
         assert!(is(&changed, 2e-3, 0.5e-3, 0.0, 0.5), "reversed");
         assert!(is(&changed, 5e-3, 1.0, 0.0, 0.0));
-        assert!(changed.time_s_of_force_peak_in_last_preload_unless_blank().is_none() && !changed.is_blank());
+        assert!(
+            changed.time_s_of_force_peak_in_last_preload_unless_blank().is_none()
+                && !changed.has_no_electrode_windows_now_or_preloaded()
+        );
     }
 }

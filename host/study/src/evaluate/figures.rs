@@ -47,12 +47,15 @@ pub fn compute_plan_table_figures_others_nan(
     wanted: &[WantedFigure],
 ) -> Result<Figures, EvaluateError> {
     let mut known = FigureCache { table, fingered, weakest: Vec::new(), clicks: None };
-    let values = wanted.iter().map(|wanted| known.compute_figure(wanted)).collect::<Result<_, _>>()?;
+    let values = wanted
+        .iter()
+        .map(|wanted| known.compute_figure_or_nan_for_sag_mass_and_cost(wanted))
+        .collect::<Result<_, _>>()?;
     let first = known.weakest.first().map(|(_, _, _, weakest)| [weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]);
     Ok(Figures { values, weakest_mm: first })
 }
 
-fn find_weakest_place_with_finger_on_each_if_frequencies_usable(
+fn find_weakest_place_with_finger_on_each_point_if_frequencies_usable(
     table: &PlanTable,
     fingered: FingeredScene<'_>,
     measure: Measure,
@@ -72,7 +75,7 @@ struct FigureCache<'a> {
 }
 
 impl FigureCache<'_> {
-    fn compute_figure(&mut self, wanted: &WantedFigure) -> Result<f64, EvaluateError> {
+    fn compute_figure_or_nan_for_sag_mass_and_cost(&mut self, wanted: &WantedFigure) -> Result<f64, EvaluateError> {
         let nothing = |reason| EvaluateError::Figure { figure: wanted.column_name(), reason };
         Ok(match wanted.figure {
             Figure::WeakestG => self.get_or_search_weakest_place(wanted.setting, wanted.drives, Measure::G)?.peak,
@@ -87,9 +90,11 @@ impl FigureCache<'_> {
             Figure::VoltageV => {
                 self.get_or_search_weakest_place(wanted.setting, FrequencyGrouping::Distinct, Measure::G)?.voltage_v
             }
-            Figure::ContrastDb => self.plan_low_intensity_touch_at_place_of_figure(wanted)?.1.predicted.contrast_db,
+            Figure::ContrastDb => {
+                self.plan_weak_touch_at_figure_place_returning_table_with_finger_there(wanted)?.1.predicted.contrast_db
+            }
             Figure::RiseMs => {
-                let (table, plan) = self.plan_low_intensity_touch_at_place_of_figure(wanted)?;
+                let (table, plan) = self.plan_weak_touch_at_figure_place_returning_table_with_finger_there(wanted)?;
                 let rise =
                     era_planner::report::compute_rise_and_decay_times_at_first_target(&table, &plan).reaches_90_ms;
                 rise.ok_or_else(|| nothing("the motion does not settle, or cannot be computed"))?
@@ -143,7 +148,7 @@ impl FigureCache<'_> {
                         weakest_place_with_setting_per_place_if_frequencies_usable(table, measure)
                     }
                     (SettingScope::EveryTouch, None, Some(fingered)) => {
-                        find_weakest_place_with_finger_on_each_if_frequencies_usable(table, fingered, measure)?
+                        find_weakest_place_with_finger_on_each_point_if_frequencies_usable(table, fingered, measure)?
                     }
                     (SettingScope::EveryTouch, Some(phases), None) => {
                         weakest_place_with_one_frequency_per_place_if_frequencies_usable(table, measure, phases)
@@ -165,7 +170,7 @@ impl FigureCache<'_> {
     }
 
     /// The plan for a weak touch at a place, and the table that it is of.
-    fn plan_low_intensity_touch_at_place_of_figure(
+    fn plan_weak_touch_at_figure_place_returning_table_with_finger_there(
         &self,
         wanted_figure: &WantedFigure,
     ) -> Result<(Cow<'_, PlanTable>, era_planner::Plan), EvaluateError> {

@@ -6,7 +6,7 @@ use era_model::scene::Scene;
 
 /// Mass in g of the surface and of all that is fixed to it or rides on it. Air that moves along is none of it.
 #[must_use]
-pub fn mass_of_surface_and_parts_g(scene: &Scene) -> f64 {
+pub fn mass_of_surface_masses_and_actuators_without_air_g(scene: &Scene) -> f64 {
     let masses: f64 = scene.masses.iter().map(|mass| mass.mass_kg).sum();
     let actuators: f64 = scene.actuators.iter().map(|own| own.moving_mass_kg + own.housing_mass_kg).sum();
     (scene.surface_mass_without_air_kg() + masses + actuators) * 1e3
@@ -15,7 +15,7 @@ pub fn mass_of_surface_and_parts_g(scene: &Scene) -> f64 {
 /// What the parts cost, choices included; NaN where the scene's own value is kept in place of a choice that has costs, as nobody knows what it costs.
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "small counts")]
-pub fn parts_and_choices_cost_or_nan_if_choice_unknown(
+pub fn parts_and_choices_cost_or_nan_if_priced_choice_keeps_scene_value(
     scene: &Scene,
     costs: &PartCosts,
     variables: &[StudyVariable],

@@ -90,7 +90,7 @@ fn compute_weakest_peak_figures_others_nan(
                 continue;
             }
         };
-        let weakest = panel.find_weakest_place(scene, measure)?;
+        let weakest = panel.find_place_of_least_achievable_peak(scene, measure)?;
         found.weakest_mm = found.weakest_mm.or(Some([weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]));
         found.values.push(match measure {
             Measure::G => weakest.peak,

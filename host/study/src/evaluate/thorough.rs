@@ -133,7 +133,7 @@ impl ThoroughEvaluator {
         let found = self.compute_figures_and_bounds_without_refining(scene, wanted)?;
         let is_open = found.bound.is_none_or(|bound| bound > self.relative_tolerance());
         if !is_open
-            || !wanted.iter().any(WantedFigure::is_weakest_peak_of_setting_per_touch_at_distinct_frequencies)
+            || !wanted.iter().any(WantedFigure::is_weakest_peak_in_g_of_setting_per_touch_at_distinct_frequencies)
             || scene.finger.is_some()
         {
             return Ok(found);
@@ -186,7 +186,7 @@ impl ThoroughEvaluator {
         };
         let least = map.iter().enumerate().filter_map(|(point, peak)| Some((point, (*peak)?)));
         let weakest = least.min_by(|a, b| a.1.total_cmp(&b.1));
-        let is_bounded = WantedFigure::is_weakest_peak_of_setting_per_touch_at_distinct_frequencies;
+        let is_bounded = WantedFigure::is_weakest_peak_in_g_of_setting_per_touch_at_distinct_frequencies;
         let bound = match (weakest, known) {
             _ if !wanted.iter().any(is_bounded) => None,
             (None, _) => None,

@@ -66,19 +66,31 @@ pub(super) fn write_plot_data_json(study: &Study, table: &DesignTable, finals: &
         })
         .collect();
     let finalists: Vec<usize> = finals.best.iter().map(|own| own.design).collect();
-    let rows: Vec<Value> = choose_one_based_numbers_of_front_best_finalists_and_even_sample(study, table, &finalists)
+    let rows: Vec<Value> = choose_one_based_numbers_of_designs_to_plot_thinning_if_too_many(study, table, &finalists)
         .into_iter()
         .map(|number| {
             let entry = &table.entries[number - 1];
             json!([
-                plot_code_unmet_kept_or_front(entry),
-                rounded_plot_row_of_design(study, table, entry, &entry.row.design, number)
+                plot_code_0_not_meeting_limits_1_meeting_2_on_pareto_front(entry),
+                plot_row_of_design_number_settings_and_figures_to_six_digits(
+                    study,
+                    table,
+                    entry,
+                    &entry.row.design,
+                    number
+                )
             ])
         })
         .collect();
     let base = json!([
-        plot_code_unmet_kept_or_front(&table.base),
-        rounded_plot_row_of_design(study, table, &table.base, &study.space.design_of_scene_file(), 0)
+        plot_code_0_not_meeting_limits_1_meeting_2_on_pareto_front(&table.base),
+        plot_row_of_design_number_settings_and_figures_to_six_digits(
+            study,
+            table,
+            &table.base,
+            &study.space.design_of_scene_file(),
+            0
+        )
     ]);
     let data = json!({"columns": columns, "wishes": goals, "best": finalists, "rows": rows, "base": base});
     // Nothing of it ends the script that it stands in.
@@ -86,7 +98,7 @@ pub(super) fn write_plot_data_json(study: &Study, table: &DesignTable, finals: &
 }
 
 /// 0 breaks a limit, 1 keeps all, 2 is on the front.
-fn plot_code_unmet_kept_or_front(entry: &TableEntry) -> u8 {
+fn plot_code_0_not_meeting_limits_1_meeting_2_on_pareto_front(entry: &TableEntry) -> u8 {
     match (entry.status, entry.is_on_front) {
         (DesignStatus::Kept, true) => 2,
         (DesignStatus::Kept, false) => 1,
@@ -95,7 +107,7 @@ fn plot_code_unmet_kept_or_front(entry: &TableEntry) -> u8 {
 }
 
 /// A row's numbers, to six digits, in the columns' order. Figures are the worst of what may be off where they are wished for.
-fn rounded_plot_row_of_design(
+fn plot_row_of_design_number_settings_and_figures_to_six_digits(
     study: &Study,
     table: &DesignTable,
     entry: &TableEntry,
@@ -118,7 +130,7 @@ fn rounded_plot_row_of_design(
 }
 
 /// The designs that are shown, by number: those of the front, the finalists, and others evenly.
-fn choose_one_based_numbers_of_front_best_finalists_and_even_sample(
+fn choose_one_based_numbers_of_designs_to_plot_thinning_if_too_many(
     study: &Study,
     table: &DesignTable,
     finalist_numbers: &[usize],

@@ -1,6 +1,6 @@
 //! Maps of the strongest peak at every point: the scene as it is beside the best design.
 
-use super::{escape_html, format_four_digits};
+use super::{escape_html, format_four_significant_digits_or_no_value_if_nan};
 use crate::evaluate::VerifiedFigures;
 use crate::result::{Finalist, VerifiedFinalists};
 use crate::run::Study;
@@ -44,8 +44,8 @@ pub(super) fn write_peak_maps_of_base_and_best_html(study: &Study, finals: &Veri
          scale, if frequencies, amplitudes and phases are chosen for each place. Circles are actuators, squares are \
          supports, the cross is the weakest place.</p>\n\
          <div class=\"maps\">\n",
-        format_four_digits(least),
-        format_four_digits(most)
+        format_four_significant_digits_or_no_value_if_nan(least),
+        format_four_significant_digits_or_no_value_if_nan(most)
     );
     for (name, own, verified) in &both {
         let weakest = verified.strongest_g.iter().flatten().copied().fold(f64::INFINITY, f64::min);
@@ -54,7 +54,7 @@ pub(super) fn write_peak_maps_of_base_and_best_html(study: &Study, finals: &Veri
             html,
             "<figcaption>{}: {} g at the weakest place</figcaption>\n</figure>",
             escape_html(name),
-            format_four_digits(weakest)
+            format_four_significant_digits_or_no_value_if_nan(weakest)
         );
     }
     html.push_str("</div>\n");

@@ -29,7 +29,12 @@ pub fn write_report_html(study: &Study, table: &DesignTable, finals: &VerifiedFi
         "Largest possible peak at each place",
         &maps::write_peak_maps_of_base_and_best_html(study, finals),
     );
-    add_html_section(&mut html, "effects", "Effects of the variables", &pictures::write_effects_html(study, table));
+    add_html_section(
+        &mut html,
+        "effects",
+        "Effects of the variables",
+        &pictures::write_main_effects_and_interactions_html(study, table),
+    );
     add_html_section(
         &mut html,
         "doubts",
@@ -65,7 +70,7 @@ fn escape_html(text: &str) -> String {
 
 /// A bound with one digit, no less than it is.
 #[must_use]
-pub fn format_bound_rounded_up(bound: f64) -> String {
+pub fn format_bound_with_one_digit_rounded_up(bound: f64) -> String {
     let unit = 10.0_f64.powf(bound.log10().floor());
     let up = (bound / unit * (1.0 - 1e-9)).ceil() * unit;
     if up.is_finite() { format!("{up:.0e}") } else { format!("{bound:.0e}") }
@@ -73,7 +78,7 @@ pub fn format_bound_rounded_up(bound: f64) -> String {
 
 /// Four digits, or that there is no value.
 #[must_use]
-pub fn format_four_digits(number: f64) -> String {
+pub fn format_four_significant_digits_or_no_value_if_nan(number: f64) -> String {
     if number.is_nan() {
         return "no value".into();
     }
@@ -91,17 +96,20 @@ mod tests {
 
     #[test]
     fn bounds_are_never_told_smaller() {
-        let told = [1.4e-3, 1e-3, 9.5e-5, 0.0, f64::INFINITY].map(format_bound_rounded_up);
+        let told = [1.4e-3, 1e-3, 9.5e-5, 0.0, f64::INFINITY].map(format_bound_with_one_digit_rounded_up);
         assert_eq!(told, ["2e-3", "1e-3", "1e-4", "0e0", "inf"]);
     }
 
     #[test]
     fn numbers_have_four_digits_and_text_no_tags() {
         assert_eq!(
-            [0.0, 0.371_49, 12.345_6, 98_765.4, -0.001_234_56].map(format_four_digits),
+            [0.0, 0.371_49, 12.345_6, 98_765.4, -0.001_234_56].map(format_four_significant_digits_or_no_value_if_nan),
             ["0", "0.3715", "12.35", "98765", "-0.001235"]
         );
-        assert_eq!([f64::NAN, f64::INFINITY].map(format_four_digits), ["no value", "inf"]);
+        assert_eq!(
+            [f64::NAN, f64::INFINITY].map(format_four_significant_digits_or_no_value_if_nan),
+            ["no value", "inf"]
+        );
         assert_eq!(escape_html("<b>&\"</b>"), "&lt;b&gt;&amp;&quot;&lt;/b&gt;");
     }
 }

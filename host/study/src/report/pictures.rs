@@ -1,7 +1,7 @@
 //! Main effects and interactions, as pictures and tables.
 
 use super::maps::color_of_fraction;
-use super::{escape_html, format_four_digits};
+use super::{escape_html, format_four_significant_digits_or_no_value_if_nan};
 use crate::result::{DesignTable, DimensionLevels, EffectAnalysis, Interaction};
 use crate::run::Study;
 use crate::space::CubeDimension;
@@ -20,7 +20,7 @@ const GAP: f64 = 3.0;
 const MOST_PAIRS: usize = 6;
 
 /// Main effects and interactions of all wishes, as HTML.
-pub(super) fn write_effects_html(study: &Study, table: &DesignTable) -> String {
+pub(super) fn write_main_effects_and_interactions_html(study: &Study, table: &DesignTable) -> String {
     let dimensions = study.space.dimensions();
     let mut html = String::from(
         "<p>Main effects: the mean of a figure over all designs whose variable lies in the same section of its range. \
@@ -56,7 +56,7 @@ pub(super) fn write_effects_html(study: &Study, table: &DesignTable) -> String {
             "<h3>{}: {} designs, mean {}</h3>",
             escape_html(&name),
             found.count,
-            format_four_digits(found.mean)
+            format_four_significant_digits_or_no_value_if_nan(found.mean)
         );
         html.push_str(&draw_main_effects_html(study, dimensions, &found));
         html.push_str(&draw_largest_interactions_html(study, dimensions, &found));
@@ -101,7 +101,7 @@ fn label_of_value_at_coordinate(
         Some(_) => column.text_in_design_unless_scene_value_kept(&design),
         None => column
             .number_or_choice_index_in_design_unless_scene_value_kept(&design)
-            .map(format_four_digits)
+            .map(format_four_significant_digits_or_no_value_if_nan)
             .map(trim_trailing_zeros),
     });
     text.unwrap_or_default()
@@ -159,8 +159,8 @@ fn draw_main_effects_html(study: &Study, dimensions: &[CubeDimension], found: &E
              <text x=\"{4}\" y=\"{0:.0}\" class=\"end\">{3}</text>\n",
             h - 26.0,
             w - 8.0,
-            format_four_digits(most),
-            format_four_digits(least),
+            format_four_significant_digits_or_no_value_if_nan(most),
+            format_four_significant_digits_or_no_value_if_nan(least),
             BESIDE - 2.0
         );
         let points: Vec<(usize, f64)> =
@@ -181,7 +181,7 @@ fn draw_main_effects_html(study: &Study, dimensions: &[CubeDimension], found: &E
                 x(level),
                 y(mean),
                 escape_html(&names[level]),
-                format_four_digits(mean),
+                format_four_significant_digits_or_no_value_if_nan(mean),
                 own.levels[level].0,
                 x(level),
                 h - 14.0,
@@ -235,7 +235,7 @@ fn draw_largest_interactions_html(study: &Study, dimensions: &[CubeDimension], f
                     escape_html(&label_of_level(study, one, i, &found.main[i].cut, a)),
                     escape_html(&other.name),
                     escape_html(&label_of_level(study, other, j, &found.main[j].cut, b)),
-                    format_four_digits(*mean)
+                    format_four_significant_digits_or_no_value_if_nan(*mean)
                 );
             }
         }
@@ -247,8 +247,8 @@ fn draw_largest_interactions_html(study: &Study, dimensions: &[CubeDimension], f
             escape_html(&other.name),
             100.0 * pair.part,
             100.0 * pair.by_chance,
-            format_four_digits(least),
-            format_four_digits(most)
+            format_four_significant_digits_or_no_value_if_nan(least),
+            format_four_significant_digits_or_no_value_if_nan(most)
         );
     }
     html.push_str("</div>\n");

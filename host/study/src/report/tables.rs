@@ -1,6 +1,6 @@
 //! The report's tables: what was found, how sure it is, what failed.
 
-use super::{escape_html, format_bound_rounded_up, format_four_digits};
+use super::{escape_html, format_bound_with_one_digit_rounded_up, format_four_significant_digits_or_no_value_if_nan};
 use crate::result::{DesignStatus, DesignTable, Finalist, VerifiedFinalists};
 use crate::run::Study;
 use crate::space::describe_variable;
@@ -99,7 +99,11 @@ fn write_html_table_of_scene_and_best_designs(
             let _ = write!(html, "<tr><th>{name}, the worst over the uncertain values (quick evaluation)</th>");
             for own in std::iter::once(&finals.base).chain(&finals.best) {
                 let worst = own.entry_of_base_or_design_in_table(table).and_then(|entry| entry.wishes.get(k)).copied();
-                let _ = write!(html, "<td>{}</td>", worst.map_or_else(String::new, format_four_digits));
+                let _ = write!(
+                    html,
+                    "<td>{}</td>",
+                    worst.map_or_else(String::new, format_four_significant_digits_or_no_value_if_nan)
+                );
             }
             html.push_str("</tr>\n");
         }
@@ -118,7 +122,7 @@ fn write_html_table_of_scene_and_best_designs(
         } else {
             "<p>No design meets all limits."
         });
-        if let Some((design, near)) = table.find_one_based_least_violating_design_if_none_kept() {
+        if let Some((design, near)) = table.find_one_based_design_nearest_to_limits_if_none_meets_them() {
             let reason = escape_html(near.reason.as_deref().unwrap_or_default());
             let _ = write!(html, " Design {design} comes nearest to the limits: {reason}.");
         } else if let Some(reason) = table.entries.iter().find_map(|entry| entry.reason.as_deref()) {
@@ -155,10 +159,10 @@ fn html_cell_of_figure_marking_broken_limit(study: &Study, figure_index: usize, 
             format!(
                 "<td class=\"unmet\" title=\"{}\">{} (not met)</td>",
                 escape_html(&allowed),
-                format_four_digits(value)
+                format_four_significant_digits_or_no_value_if_nan(value)
             )
         }
-        None => format!("<td>{}</td>", format_four_digits(value)),
+        None => format!("<td>{}</td>", format_four_significant_digits_or_no_value_if_nan(value)),
     }
 }
 
@@ -221,7 +225,7 @@ pub(super) fn write_accuracy_convergence_and_failures_html(
                 format!("{:+.2} %", 100.0 * (first / anew - 1.0))
             };
             let bound = match verified.bounds.get(k).copied().flatten() {
-                Some(bound) => format_bound_rounded_up(bound),
+                Some(bound) => format_bound_with_one_digit_rounded_up(bound),
                 None => "not known".into(),
             };
             let _ = writeln!(
@@ -235,13 +239,13 @@ pub(super) fn write_accuracy_convergence_and_failures_html(
         }
     }
     html.push_str("</table>\n");
-    html.push_str(&write_improvement_by_last_quarter_of_designs_html(study, table));
+    html.push_str(&write_improvement_by_last_quarter_html_or_empty_unless_one_wish(study, table));
     html.push_str(&write_html_table_of_failure_and_broken_limit_reasons(table));
     html
 }
 
 /// Whether the last quarter of the designs found better ones than those before.
-fn write_improvement_by_last_quarter_of_designs_html(study: &Study, table: &DesignTable) -> String {
+fn write_improvement_by_last_quarter_html_or_empty_unless_one_wish(study: &Study, table: &DesignTable) -> String {
     let [wish] = study.spec.wishes.as_slice() else { return String::new() };
     let mut order: Vec<usize> = (0..table.entries.len()).collect();
     if let Some(evolution) = study.evolution_if_points_depend_on_results() {
@@ -264,8 +268,8 @@ fn write_improvement_by_last_quarter_of_designs_html(study: &Study, table: &Desi
         format!(
             "<p>The last quarter of the designs still improved {name} from {} to {} ({more:.2} %): a study \
              with more designs may find a better design.</p>\n",
-            format_four_digits(wish.goal.loss_of_figure(before)),
-            format_four_digits(wish.goal.loss_of_figure(last))
+            format_four_significant_digits_or_no_value_if_nan(wish.goal.loss_of_figure(before)),
+            format_four_significant_digits_or_no_value_if_nan(wish.goal.loss_of_figure(last))
         )
     } else {
         format!(

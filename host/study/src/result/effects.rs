@@ -67,7 +67,10 @@ pub struct DimensionLevels {
 impl DimensionLevels {
     /// Few values have a level each: those of a list, or those that all designs together have. More are cut into equal parts.
     #[must_use]
-    pub fn from_dimension(dimension: &CubeDimension, coordinates: impl Iterator<Item = f64>) -> Self {
+    pub fn with_one_level_per_value_if_few_else_equal_parts(
+        dimension: &CubeDimension,
+        coordinates: impl Iterator<Item = f64>,
+    ) -> Self {
         #[expect(clippy::cast_precision_loss, reason = "a few levels")]
         let middles = |count: usize| (0..count).map(|k| (k as f64 + 0.5) / count as f64).collect();
         if let Some(count) = dimension.count {
@@ -160,8 +163,10 @@ impl EffectAnalysis {
             .iter()
             .enumerate()
             .map(|(k, dimension)| {
-                let cut =
-                    DimensionLevels::from_dimension(dimension, points_with_figures.iter().map(|(point, _)| point[k]));
+                let cut = DimensionLevels::with_one_level_per_value_if_few_else_equal_parts(
+                    dimension,
+                    points_with_figures.iter().map(|(point, _)| point[k]),
+                );
                 let mut cells = vec![LevelSum::default(); cut.count_levels()];
                 points_with_figures
                     .iter()

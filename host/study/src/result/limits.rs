@@ -26,7 +26,7 @@ pub fn constraint_names_and_signed_excesses_of_design(study: &Study, row: &Desig
     let each = study.spec.limits.iter().flat_map(|limit| {
         let figure = study.figures.iter().position(|wanted| *wanted == limit.wanted);
         let (low, high) = figure
-            .and_then(|figure| row.least_and_most_of_figure_unless_failed(figure))
+            .and_then(|figure| row.least_and_most_of_figure_over_samples_unless_failed(figure))
             .unwrap_or((f64::NAN, f64::NAN));
         limit.bounds_in_words_and_signed_excesses(low, high)
     });

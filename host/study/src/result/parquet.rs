@@ -144,10 +144,10 @@ fn build_parquet_columns(table: &DesignTable) -> Vec<ParquetColumn<'_>> {
             .push(number_column(name.clone(), move |entry| entry.row.figures_unless_failed()?.values.get(k).copied()));
         if table.has_ends {
             columns.push(number_column(format!("{name}_low"), move |entry| {
-                entry.row.least_and_most_of_figure_unless_failed(k).map(|(low, _)| low)
+                entry.row.least_and_most_of_figure_over_samples_unless_failed(k).map(|(low, _)| low)
             }));
             columns.push(number_column(format!("{name}_high"), move |entry| {
-                entry.row.least_and_most_of_figure_unless_failed(k).map(|(_, high)| high)
+                entry.row.least_and_most_of_figure_over_samples_unless_failed(k).map(|(_, high)| high)
             }));
         }
     }

@@ -105,7 +105,7 @@ impl DesignTable {
 
     /// Where no design keeps all limits, the one that is least beyond them, the first of equals, with its number from 1; none if all have failed.
     #[must_use]
-    pub fn find_one_based_least_violating_design_if_none_kept(&self) -> Option<(usize, &TableEntry)> {
+    pub fn find_one_based_design_nearest_to_limits_if_none_meets_them(&self) -> Option<(usize, &TableEntry)> {
         if self.entries.iter().any(|entry| entry.status == DesignStatus::Kept) {
             return None;
         }
@@ -170,7 +170,9 @@ fn build_table_entry_with_status_and_reason(study: &Study, base: &DesignRow, row
         (_, None) => (DesignStatus::Failed, Some("a [[limit]] has no value for this design".into())),
         _ => (
             DesignStatus::Broken,
-            describe_broken_limits_if_any(study, |figure| row.least_and_most_of_figure_unless_failed(figure)),
+            describe_broken_limits_if_any(study, |figure| {
+                row.least_and_most_of_figure_over_samples_unless_failed(figure)
+            }),
         ),
     };
     let beyond = beyond.filter(|_| status != DesignStatus::Failed).unwrap_or(f64::INFINITY);

@@ -52,7 +52,7 @@ impl VerifiedFinalists {
     ///
     /// # Errors
     /// [`RefusedDesign`], for a scene that was not refused before.
-    pub fn verify_scene_and_finalists_unless_stopped(
+    pub fn evaluate_scene_and_chosen_finalists_thoroughly_unless_stopped(
         study: &Study,
         table: &DesignTable,
         is_stop_wanted: &dyn Fn() -> bool,
@@ -70,14 +70,14 @@ impl VerifiedFinalists {
         if is_stop_wanted() {
             return Ok(None);
         }
-        sort_finalists_kept_then_broken_then_failed(study, &mut best);
+        sort_finalists_meeting_limits_first_then_breaking_then_failed(study, &mut best);
         Ok(Some(Self { base, best, tolerance: thorough.relative_tolerance() }))
     }
 }
 
 /// Puts those that break a limit as the thorough look tells it last, and those that failed after them. Of the others the one with the better figure is first, not where there are
 /// several wishes, between which the first one is best, nor where the worst of uncertain ones decides, which is not looked at again.
-fn sort_finalists_kept_then_broken_then_failed(study: &Study, finalists: &mut [Finalist]) {
+fn sort_finalists_meeting_limits_first_then_breaking_then_failed(study: &Study, finalists: &mut [Finalist]) {
     let rank = |own: &Finalist| match own.verified {
         Err(_) => 2,
         Ok(_) if own.describe_verified_broken_limits_if_any(study).is_some() => 1,
@@ -96,12 +96,12 @@ fn sort_finalists_kept_then_broken_then_failed(study: &Study, finalists: &mut [F
 fn evaluate_finalist_thoroughly_recording_failure(
     study: &Study,
     thorough: &ThoroughEvaluator,
-    design: usize,
+    design_number: usize,
     entry: &TableEntry,
 ) -> Result<Finalist, RefusedDesign> {
     let own = &entry.row.design;
     let text = study.space.design_as_scene_text(own)?;
-    let scene = study.space.design_as_scene(own, &[])?;
+    let scene = study.space.build_scene_of_design_with_deviations_checking_distances(own, &[])?;
     let verified = thorough
         .compute_figures_and_bounds_refining_once_if_tolerance_missed(&scene, &study.figures)
         .map_err(|error| error.to_string());
@@ -109,5 +109,5 @@ fn evaluate_finalist_thoroughly_recording_failure(
         study.fill_in_mass_and_cost_figures(&scene, own, &mut verified.figures);
         verified
     });
-    Ok(Finalist { design, text, verified })
+    Ok(Finalist { design: design_number, text, verified })
 }

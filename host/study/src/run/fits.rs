@@ -58,11 +58,13 @@ fn report_band_too_narrow_for_distinct_frequencies(
     scene: &Scene,
 ) {
     let is_distinct = |wanted: &WantedFigure| {
-        wanted.figure.depends_on_place()
+        wanted.figure.is_evaluated_at_given_touch_place()
             || wanted.figure.is_evaluated_at_weakest_place() && wanted.drives == FrequencyGrouping::Distinct
     };
     // Whoever puts another list in place of this one may have as few as one.
-    if !spec.wanted_figures().iter().any(is_distinct) || space.is_key_set_by_number_or_choice_variable(&["actuator"]) {
+    if !spec.distinct_figures_of_wishes_and_limits().iter().any(is_distinct)
+        || space.is_key_or_its_table_set_by_number_or_choice_variable(&["actuator"])
+    {
         return;
     }
     let counts = spec.variables.iter().filter_map(|own| match &own.what {

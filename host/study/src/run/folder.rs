@@ -58,7 +58,7 @@ impl StudyFolder {
     ///
     /// # Errors
     /// [`FolderError`].
-    pub fn open_or_create(path: &Path, key: [u8; HASH]) -> Result<Self, FolderError> {
+    pub fn open_or_create_refusing_folder_of_other_study(path: &Path, key: [u8; HASH]) -> Result<Self, FolderError> {
         let folder = Self { path: path.into(), key };
         let rows = folder.path.join(ROWS);
         fs::create_dir_all(&rows).map_err(|error| FolderError::Io {
@@ -212,7 +212,7 @@ mod tests {
     #[test]
     fn rows_come_back_unless_a_byte_of_them_has_changed() {
         let place = tempfile::tempdir().unwrap();
-        let folder = StudyFolder::open_or_create(place.path(), [7; 32]).unwrap();
+        let folder = StudyFolder::open_or_create_refusing_folder_of_other_study(place.path(), [7; 32]).unwrap();
         let task = StudyTask::Designs { chunk: 3 };
         assert_eq!(folder.load_task_rows_if_complete(task).unwrap(), None);
         folder.write_task_rows(task, &make_task_rows()).unwrap();
@@ -241,9 +241,9 @@ mod tests {
     #[test]
     fn a_folder_belongs_to_one_study() {
         let place = tempfile::tempdir().unwrap();
-        StudyFolder::open_or_create(place.path(), [7; 32]).unwrap();
-        assert!(StudyFolder::open_or_create(place.path(), [7; 32]).is_ok());
-        let refused = StudyFolder::open_or_create(place.path(), [8; 32]).unwrap_err();
+        StudyFolder::open_or_create_refusing_folder_of_other_study(place.path(), [7; 32]).unwrap();
+        assert!(StudyFolder::open_or_create_refusing_folder_of_other_study(place.path(), [7; 32]).is_ok());
+        let refused = StudyFolder::open_or_create_refusing_folder_of_other_study(place.path(), [8; 32]).unwrap_err();
         assert!(matches!(refused, FolderError::Other { .. }), "{refused}");
         assert!(refused.to_string().contains(&place.path().display().to_string()));
     }
@@ -254,17 +254,23 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let key = place.path().join(KEY);
         let task = StudyTask::Designs { chunk: 0 };
-        StudyFolder::open_or_create(place.path(), [7; 32]).unwrap().write_task_rows(task, &make_task_rows()).unwrap();
+        StudyFolder::open_or_create_refusing_folder_of_other_study(place.path(), [7; 32])
+            .unwrap()
+            .write_task_rows(task, &make_task_rows())
+            .unwrap();
         let whole = fs::read(&key).unwrap();
         for damaged in [&b""[..], &whole[..20], &[0; 65], &[0xff, 0xfe, 0]] {
             fs::write(&key, damaged).unwrap();
-            let folder = StudyFolder::open_or_create(place.path(), [7; 32]).unwrap();
+            let folder = StudyFolder::open_or_create_refusing_folder_of_other_study(place.path(), [7; 32]).unwrap();
             assert_eq!(
                 (fs::read(&key).unwrap(), folder.load_task_rows_if_complete(task).unwrap()),
                 (whole.clone(), Some(make_task_rows()))
             );
             fs::write(&key, damaged).unwrap();
-            assert!(matches!(StudyFolder::open_or_create(place.path(), [8; 32]), Err(FolderError::Other { .. })));
+            assert!(matches!(
+                StudyFolder::open_or_create_refusing_folder_of_other_study(place.path(), [8; 32]),
+                Err(FolderError::Other { .. })
+            ));
         }
     }
 
@@ -272,7 +278,7 @@ mod tests {
     #[test]
     fn what_cannot_be_written_is_told_and_leaves_nothing() {
         let place = tempfile::tempdir().unwrap();
-        let folder = StudyFolder::open_or_create(place.path(), [7; 32]).unwrap();
+        let folder = StudyFolder::open_or_create_refusing_folder_of_other_study(place.path(), [7; 32]).unwrap();
         let task = StudyTask::Designs { chunk: 0 };
         // A folder in the file's place: the rename fails after all has been written.
         fs::create_dir(place.path().join("rows").join(task.rows_file_name())).unwrap();
@@ -284,7 +290,9 @@ mod tests {
             .collect();
         assert_eq!(left, [task.rows_file_name()]);
         fs::write(place.path().join("no-folder"), "").unwrap();
-        let refused = StudyFolder::open_or_create(&place.path().join("no-folder"), [7; 32]).unwrap_err();
+        let refused =
+            StudyFolder::open_or_create_refusing_folder_of_other_study(&place.path().join("no-folder"), [7; 32])
+                .unwrap_err();
         assert!(refused.to_string().contains("no-folder"), "{refused}");
     }
 }

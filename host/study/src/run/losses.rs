@@ -18,7 +18,7 @@ const NO_BOUND: f64 = 1e-9;
 #[must_use]
 pub fn worst_case_figure_of_wish_unless_failed(row: &DesignRow, figures: &[WantedFigure], wish: &Wish) -> Option<f64> {
     let figure = figures.iter().position(|wanted| *wanted == wish.wanted)?;
-    let (low, high) = row.least_and_most_of_figure_unless_failed(figure)?;
+    let (low, high) = row.least_and_most_of_figure_over_samples_unless_failed(figure)?;
     Some(match wish.goal {
         WishGoal::Most => low,
         WishGoal::Least => high,
@@ -37,8 +37,9 @@ pub fn sum_relative_limit_violations_if_all_limited_figures_known(
     let mut sum = 0.0;
     for limit in limits {
         let figure = figures.iter().position(|wanted| *wanted == limit.wanted)?;
-        let (low, high) =
-            row.least_and_most_of_figure_unless_failed(figure).filter(|(low, high)| !low.is_nan() && !high.is_nan())?;
+        let (low, high) = row
+            .least_and_most_of_figure_over_samples_unless_failed(figure)
+            .filter(|(low, high)| !low.is_nan() && !high.is_nan())?;
         let own = base.and_then(DesignRow::figures_unless_failed).and_then(|own| own.values.get(figure));
         let usual = own.map(|own| own.abs()).filter(|own| own.is_finite() && *own > NO_BOUND).unwrap_or(1.0);
         let beyond = |by: f64, bound: f64| {
@@ -57,7 +58,7 @@ pub fn sum_relative_limit_violations_if_all_limited_figures_known(
 /// What a design is worth, wishes weighed: logarithms of ratios to the scene's own figures (differences for levels in dB), so that no figure in whatever
 /// unit is beyond what a broken limit counts. The scene's own are constants in a sum: where it has none above 0 they are left out.
 #[must_use]
-pub fn compute_weighted_loss_of_design(
+pub fn compute_search_loss_weighting_wishes_and_penalising_broken_limits(
     spec: &StudySpec,
     figures: &[WantedFigure],
     base: Option<&DesignRow>,
@@ -108,9 +109,15 @@ mod tests {
     #[test]
     fn several_wishes_are_weighed_alike_whatever_the_scene_itself_has() {
         let spec = spec("[[wish]]\nfigure = \"rigid_mode_hz\"\n[[wish]]\nfigure = \"mass_g\"\n");
-        let figures = spec.wanted_figures();
+        let figures = spec.distinct_figures_of_wishes_and_limits();
         let loss = |base: Option<&DesignRow>, values: &[f64]| {
-            compute_weighted_loss_of_design(&spec, &figures, base, &[0.5, 0.5], &row(values))
+            compute_search_loss_weighting_wishes_and_penalising_broken_limits(
+                &spec,
+                &figures,
+                base,
+                &[0.5, 0.5],
+                &row(values),
+            )
         };
         let failed = DesignRow { outcome: DesignOutcome::Failed("no such thing".into()), ..row(&[]) };
         let (usual, none, unknown) = (row(&[50.0, 300.0]), row(&[0.0, 300.0]), row(&[50.0, f64::NAN]));
@@ -130,11 +137,17 @@ mod tests {
     #[test]
     fn one_wish_is_ordered_by_its_figure_and_after_the_limits() {
         let spec = spec("[[wish]]\nfigure = \"cost\"\n[[limit]]\nfigure = \"mass_g\"\nmost = 500\n");
-        let figures = spec.wanted_figures();
+        let figures = spec.distinct_figures_of_wishes_and_limits();
         for unit in [1.0, 1e9, 1e12] {
             let base = row(&[0.35 * unit, 300.0]);
             let loss = |cost: f64, mass_g: f64| {
-                compute_weighted_loss_of_design(&spec, &figures, Some(&base), &[1.0], &row(&[cost * unit, mass_g]))
+                compute_search_loss_weighting_wishes_and_penalising_broken_limits(
+                    &spec,
+                    &figures,
+                    Some(&base),
+                    &[1.0],
+                    &row(&[cost * unit, mass_g]),
+                )
             };
             let kept = [0.0, 1e-9, 0.1, 0.3, 0.300_000_1, 5.0, 1e6].map(|cost| loss(cost, 500.0));
             assert!(kept.windows(2).all(|pair| pair[0] < pair[1]), "{kept:?}");
@@ -149,7 +162,7 @@ mod tests {
             "[[wish]]\nfigure = \"mass_g\"\n[[limit]]\nfigure = \"contrast_db\"\nat_mm = [10, 10]\nleast = 0\n\
              [[limit]]\nfigure = \"sag_um\"\nmost = 1000\n[[limit]]\nfigure = \"rigid_mode_hz\"\nmost = 0\n",
         );
-        let figures = spec.wanted_figures();
+        let figures = spec.distinct_figures_of_wishes_and_limits();
         let base = row(&[300.0, 3.0, 900.0, 40.0]);
         let broken = |base: Option<&DesignRow>, values: &[f64]| {
             sum_relative_limit_violations_if_all_limited_figures_known(&row(values), &figures, &spec.limits, base)

@@ -10,8 +10,8 @@ mod work;
 
 pub use folder::{FolderError, StudyFolder, decode_task_rows_if_of_study_and_task, encode_task_rows};
 pub use losses::{
-    compute_weighted_loss_of_design, sum_relative_limit_violations_if_all_limited_figures_known,
-    worst_case_figure_of_wish_unless_failed,
+    compute_search_loss_weighting_wishes_and_penalising_broken_limits,
+    sum_relative_limit_violations_if_all_limited_figures_known, worst_case_figure_of_wish_unless_failed,
 };
 pub use row::{DesignOutcome, DesignRow};
 pub use study::{Study, StudyError};

@@ -43,7 +43,7 @@ impl DesignRow {
 
     /// Least and most of a figure over the samples of what may be off.
     #[must_use]
-    pub fn least_and_most_of_figure_unless_failed(&self, figure_index: usize) -> Option<(f64, f64)> {
+    pub fn least_and_most_of_figure_over_samples_unless_failed(&self, figure_index: usize) -> Option<(f64, f64)> {
         match &self.outcome {
             DesignOutcome::Found { figures, low, high } => {
                 let own = *figures.values.get(figure_index)?;

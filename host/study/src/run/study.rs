@@ -2,7 +2,7 @@
 
 use super::fits;
 use super::folder::format_hex;
-use super::losses::compute_weighted_loss_of_design;
+use super::losses::compute_search_loss_weighting_wishes_and_penalising_broken_limits;
 use super::row::{DesignOutcome, DesignRow};
 use super::task::StudyTask;
 use crate::bounds::{StudyBounds, UnusableStudy};
@@ -151,11 +151,11 @@ impl Study {
         [scene_source, scene_text]: [&str; 2],
     ) -> Result<Self, UnusableStudy> {
         if let Some(bounds) = bounds {
-            bounds.check_counts_of_all_study_entries_and_finalists(&spec)?;
+            bounds.check_summed_spec_entry_count_and_finalist_count(&spec)?;
         }
         let space = DesignSpace::from_scene_text_without_checking_study(&spec, scene_source, scene_text)?;
         if let Some(bounds) = bounds {
-            bounds.check_counts_of_key_references_and_written_bytes(&spec, &space)?;
+            bounds.check_scene_key_reference_count_and_bytes_written_per_design(&spec, &space)?;
         }
         let off = space.count_independent_uncertain_values();
         let has_corners = spec.method.robust == UncertaintySampling::Corners;
@@ -171,7 +171,7 @@ impl Study {
         space.check_study_against_scene(&spec, source, text)?;
         let refused = |text: String| UnusableStudy::Mistakes(SceneError::from_single_mistake(source, 0, text));
         let scene = Scene::parse(scene_source, scene_text)?;
-        let figures = spec.wanted_figures();
+        let figures = spec.distinct_figures_of_wishes_and_limits();
         if scene.actuators.is_empty() || scene.actuators.len() > MAX_ACTUATORS {
             let count = scene.actuators.len();
             return Err(refused(format!("the scene has {count} actuators, but a study needs 1 to {MAX_ACTUATORS}")));
@@ -307,7 +307,9 @@ impl Study {
         let stop = StopRequest::current_request_of_thread();
         let row_at = |point: Vec<f64>| {
             let design = self.space.design_at_point(&point);
-            stop.run_stoppable(|| self.compute_design_row_unless_stopped(point, design, evaluator))
+            stop.run_with_self_as_current_stop_request_of_thread(|| {
+                self.compute_design_row_unless_stopped(point, design, evaluator)
+            })
         };
         points.into_par_iter().map(row_at).collect()
     }
@@ -328,7 +330,15 @@ impl Study {
             .map(|own| own.wish_weights_of_run(run_index, self.spec.wishes.len()))
             .unwrap_or_default();
         rows.iter()
-            .map(|row| compute_weighted_loss_of_design(&self.spec, &self.figures, Some(base), &weights, row))
+            .map(|row| {
+                compute_search_loss_weighting_wishes_and_penalising_broken_limits(
+                    &self.spec,
+                    &self.figures,
+                    Some(base),
+                    &weights,
+                    row,
+                )
+            })
             .collect()
     }
 
@@ -378,7 +388,7 @@ impl Study {
     ) -> Result<Figures, NoFigures> {
         let scene = self
             .space
-            .design_as_scene(design, tolerance_fractions)
+            .build_scene_of_design_with_deviations_checking_distances(design, tolerance_fractions)
             .map_err(|refused| NoFigures::Failed(refused.to_string()))?;
         // A design that no one has thought of must not end the study.
         let found = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
@@ -414,10 +424,10 @@ impl Study {
     pub fn fill_in_mass_and_cost_figures(&self, scene: &Scene, design: &Design, figures: &mut Figures) {
         for (value, wanted) in figures.values.iter_mut().zip(&self.figures) {
             match wanted.figure {
-                Figure::MassG => *value = parts::mass_of_surface_and_parts_g(scene),
+                Figure::MassG => *value = parts::mass_of_surface_masses_and_actuators_without_air_g(scene),
                 Figure::Cost => {
                     let known = self.space.replace_kept_choices_by_scene_file_values(design);
-                    *value = parts::parts_and_choices_cost_or_nan_if_choice_unknown(
+                    *value = parts::parts_and_choices_cost_or_nan_if_priced_choice_keeps_scene_value(
                         scene,
                         &self.spec.costs,
                         self.space.variables(),

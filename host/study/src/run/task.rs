@@ -89,7 +89,7 @@ impl Shard {
     /// Whether a task belongs to it: chunks go around in turn, and all generations of a search stay together. The scene itself is
     /// looked at by all, as searches begin from it.
     #[must_use]
-    pub const fn contains_task(&self, task: StudyTask) -> bool {
+    pub const fn contains_task_counting_base_in_every_shard(&self, task: StudyTask) -> bool {
         match task {
             StudyTask::Base => true,
             StudyTask::Designs { chunk } => chunk % self.count + 1 == self.number,
@@ -155,7 +155,9 @@ mod tests {
         let generations =
             (0..6).flat_map(|run| (0..3).map(move |generation| StudyTask::Generation { run, generation }));
         for task in tasks.chain(generations) {
-            let owners = (1..=4).filter(|number| Shard { number: *number, count: 4 }.contains_task(task)).count();
+            let owners = (1..=4)
+                .filter(|number| Shard { number: *number, count: 4 }.contains_task_counting_base_in_every_shard(task))
+                .count();
             assert_eq!(owners, 1, "{task:?}");
         }
     }

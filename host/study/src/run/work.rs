@@ -72,8 +72,10 @@ pub fn compute_missing_rows_of_shard(
             }
         }
     };
-    let tasks: Vec<StudyTask> =
-        study.list_tasks().filter(|task| *task != StudyTask::Base && shard.contains_task(*task)).collect();
+    let tasks: Vec<StudyTask> = study
+        .list_tasks()
+        .filter(|task| *task != StudyTask::Base && shard.contains_task_counting_base_in_every_shard(*task))
+        .collect();
     match study.evolution_if_points_depend_on_results() {
         None => compute_missing_rows_of_tasks(study, folder, evaluator, tasks, observer),
         Some(evolution) => {
@@ -83,12 +85,18 @@ pub fn compute_missing_rows_of_shard(
                 tasks.len() * evolution.designs_per_generation_of_one_search(),
             );
             let runs: Vec<usize> = (0..evolution.searches_beside_each_other())
-                .filter(|run| shard.contains_task(StudyTask::Generation { run: *run, generation: 0 }))
+                .filter(|run| {
+                    shard.contains_task_counting_base_in_every_shard(StudyTask::Generation { run: *run, generation: 0 })
+                })
                 .collect();
             let stop = StopRequest::current_request_of_thread();
             let ended: Vec<RunEnd> = runs
                 .into_par_iter()
-                .map(|run| stop.run_stoppable(|| work.run_remaining_generations_of_search(run)))
+                .map(|run| {
+                    stop.run_with_self_as_current_stop_request_of_thread(|| {
+                        work.run_remaining_generations_of_search(run)
+                    })
+                })
                 .collect::<Result<_, _>>()?;
             Ok(if ended.contains(&RunEnd::Early) { RunEnd::Early } else { RunEnd::Done })
         }
@@ -126,7 +134,10 @@ fn compute_missing_rows_of_tasks(
         Ok(RunEnd::Done)
     };
     // Whatever thread a task is computed on, it belongs to this study's request: a thread that waits takes up work of others too.
-    let done = left.par_iter().with_max_len(1).map(|task| stop.run_stoppable(|| compute(task)));
+    let done = left
+        .par_iter()
+        .with_max_len(1)
+        .map(|task| stop.run_with_self_as_current_stop_request_of_thread(|| compute(task)));
     let ended: Vec<RunEnd> = done.collect::<Result<_, RunError>>()?;
     Ok(if ended.contains(&RunEnd::Early) { RunEnd::Early } else { RunEnd::Done })
 }

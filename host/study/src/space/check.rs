@@ -42,7 +42,7 @@ struct ReadBudget(Cell<usize>);
 
 impl ReadBudget {
     /// Takes some of them; whether they were there.
-    fn take_bytes_if_left(&self, bytes: usize) -> bool {
+    fn take_bytes_or_use_up_budget_if_too_few_left(&self, bytes: usize) -> bool {
         let left = self.0.get().checked_sub(bytes);
         self.0.set(left.unwrap_or(0));
         left.is_some()
@@ -68,12 +68,12 @@ impl DesignSpace {
         let mut is_led = vec![false; self.variables.len()];
         for (number, variable) in self.variables.iter().enumerate() {
             let name = name_variable_in_message(number, variable);
-            if let Err(error) = document::check_variables_can_be_set_in_document(&self.base, variable) {
+            if let Err(error) = document::check_variable_can_be_set_in_document(&self.base, variable) {
                 lines.report_mistake_in_line(variable.line, format!("{name}: {error}"));
                 continue;
             }
             if let VariableKind::Mirror { from, .. } = &variable.what
-                && !self.variables[..number].iter().any(|before| before.is_place_variable_of_table(from))
+                && !self.variables[..number].iter().any(|before| before.is_place_or_mirror_variable_of_table(from))
             {
                 lines.report_mistake_in_line(
                     variable.line,
@@ -83,7 +83,7 @@ impl DesignSpace {
             }
             is_led[number] = true;
         }
-        self.report_variables_without_valid_value(&lines, &is_led);
+        self.try_values_and_report_variables_always_refused(&lines, &is_led);
         let is_told = self.report_and_flag_variables_setting_keys_of_earlier_variables(&lines);
         self.report_variables_whose_column_name_is_taken(&lines, figures, &is_told);
         self.report_mistakes_of_uncertain_and_distance_entries(&lines);
@@ -275,7 +275,7 @@ impl DesignSpace {
 
     /// Tells of variables (of those that lead somewhere) none of whose values the scene takes: neither with all else as in the scene's file, nor where
     /// others change along.
-    fn report_variables_without_valid_value(&self, lines: &LineReporter<'_, '_>, has_valid_paths: &[bool]) {
+    fn try_values_and_report_variables_always_refused(&self, lines: &LineReporter<'_, '_>, has_valid_paths: &[bool]) {
         let left = ReadBudget(Cell::new(MOST_READ));
         let samples = LazyCell::new(|| {
             draw_latin_hypercube(self.dimensions.len(), SAMPLES, &mut RandomSequence::new(SEED, STREAM))
@@ -342,7 +342,7 @@ impl DesignSpace {
     ) -> Option<String> {
         let mut first = None;
         for point in points {
-            if !read_budget.take_bytes_if_left(self.bytes) {
+            if !read_budget.take_bytes_or_use_up_budget_if_too_few_left(self.bytes) {
                 return None;
             }
             let mut design = self.design_at_point(point);

@@ -144,12 +144,14 @@ pub(super) fn design_at_point_without_mirrored_places(
                 VariableSetting::Count(from + index_at_fraction(to - from + 1, first))
             }
             VariableKind::Place { area: PlaceArea::Rectangle { x, y }, .. } => VariableSetting::Place([
-                round_to_place_step_mm(number_at_fraction(x, first)),
-                round_to_place_step_mm(number_at_fraction(y, part(variable, 1))),
+                round_coordinate_to_thousandths_of_mm(number_at_fraction(x, first)),
+                round_coordinate_to_thousandths_of_mm(number_at_fraction(y, part(variable, 1))),
             ]),
             VariableKind::Place { area: PlaceArea::Line { from, to, along }, .. } => {
                 let part = if along.to > 0.0 { number_at_fraction(along, first) / along.to } else { 0.0 };
-                VariableSetting::Place([0, 1].map(|k| round_to_place_step_mm(from[k] + part * (to[k] - from[k]))))
+                VariableSetting::Place(
+                    [0, 1].map(|k| round_coordinate_to_thousandths_of_mm(from[k] + part * (to[k] - from[k]))),
+                )
             }
             VariableKind::Mirror { .. } => VariableSetting::Kept,
         });
@@ -163,13 +165,13 @@ pub(super) fn set_mirrored_places(variables: &[StudyVariable], design: &mut Desi
     for (number, own) in variables.iter().enumerate() {
         let VariableKind::Mirror { from, x, y, .. } = &own.what else { continue };
         // The space's reader makes sure that what it is an image of comes before it.
-        let other = variables[..number].iter().position(|other| other.is_place_variable_of_table(from));
+        let other = variables[..number].iter().position(|other| other.is_place_or_mirror_variable_of_table(from));
         let Some(VariableSetting::Place(place)) = other.and_then(|other| settings.get(other).copied()) else {
             continue;
         };
         let along = |axis: usize, is_mirrored: bool| {
             if is_mirrored {
-                sides_mm[axis].map(|side| round_to_place_step_mm(side - place[axis]))
+                sides_mm[axis].map(|side| round_coordinate_to_thousandths_of_mm(side - place[axis]))
             } else {
                 Some(place[axis])
             }
@@ -190,7 +192,7 @@ fn number_at_fraction(numbers: &NumberRange, fraction: f64) -> f64 {
         (NumberScale::Linear, None) => from + fraction * (to - from),
         (NumberScale::Log, None) => from * (to / from).powf(fraction),
     };
-    round_to_significant_digits(number).clamp(from, to)
+    round_to_six_significant_digits(number).clamp(from, to)
 }
 
 /// Which of some a part, 0 to 1, stands for: equal parts for all.
@@ -207,7 +209,7 @@ pub fn index_at_fraction(count: usize, fraction: f64) -> usize {
 
 /// A number with as many digits as a person would write.
 #[must_use]
-pub fn round_to_significant_digits(number: f64) -> f64 {
+pub fn round_to_six_significant_digits(number: f64) -> f64 {
     if number == 0.0 || !number.is_finite() {
         return number;
     }
@@ -215,6 +217,6 @@ pub fn round_to_significant_digits(number: f64) -> f64 {
     format!("{number:.*e}", DIGITS - 1).parse().unwrap_or(number)
 }
 
-fn round_to_place_step_mm(coordinate_mm: f64) -> f64 {
+fn round_coordinate_to_thousandths_of_mm(coordinate_mm: f64) -> f64 {
     (coordinate_mm / PLACE_MM).round() / PLACE_MM.recip()
 }

@@ -42,18 +42,20 @@ impl RefusedDesign {
 }
 
 /// Whether a variable's paths lead somewhere in a scene.
-pub(super) fn check_variables_can_be_set_in_document(
+pub(super) fn check_variable_can_be_set_in_document(
     base: &DocumentMut,
     variable: &StudyVariable,
 ) -> Result<(), PathError> {
     let missing = |path: &ScenePath, what: String| PathError::Missing { path: path.to_string(), missing: what };
     match &variable.what {
-        VariableKind::Number { paths, .. } => {
-            paths.iter().try_for_each(|path| check_path_exists_and_list_entry_gets_table(base, path, false))
-        }
+        VariableKind::Number { paths, .. } => paths
+            .iter()
+            .try_for_each(|path| check_path_exists_and_values_are_tables_if_it_leads_to_list_entry(base, path, false)),
         VariableKind::Choice { paths, values, .. } => {
             let are_tables = values.iter().all(Value::is_inline_table);
-            paths.iter().try_for_each(|path| check_path_exists_and_list_entry_gets_table(base, path, are_tables))
+            paths.iter().try_for_each(|path| {
+                check_path_exists_and_values_are_tables_if_it_leads_to_list_entry(base, path, are_tables)
+            })
         }
         VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } => {
             let places = of.find_places_allowing_new_last_key(base)?;
@@ -85,7 +87,7 @@ fn suggest_list_names(base: &DocumentMut, name: &str) -> String {
 }
 
 /// Whether what a path leads to takes tables, or other values: a table of a list takes nothing but tables.
-fn check_path_exists_and_list_entry_gets_table(
+fn check_path_exists_and_values_are_tables_if_it_leads_to_list_entry(
     base: &DocumentMut,
     path: &ScenePath,
     are_tables: bool,
@@ -157,7 +159,7 @@ pub(super) fn put_value_if_its_table_exists(document: &mut DocumentMut, place: &
                 _ => replace_value_keeping_decor(table, key, value),
             }
         }
-        // What leads to a table of a list has tables for values, as [`check_variables_can_be_set_in_document`] makes sure.
+        // What leads to a table of a list has tables for values, as [`check_variable_can_be_set_in_document`] makes sure.
         _ => {}
     }
 }

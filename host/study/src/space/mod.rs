@@ -91,7 +91,7 @@ impl DesignSpace {
         text: &str,
     ) -> Result<(), SceneError> {
         let report = MistakeReport::new(text);
-        self.report_all_that_does_not_fit_scene(&report, text, &spec.wanted_figures());
+        self.report_all_that_does_not_fit_scene(&report, text, &spec.distinct_figures_of_wishes_and_limits());
         report.into_result(source)
     }
 
@@ -145,14 +145,18 @@ impl DesignSpace {
     ///
     /// # Errors
     /// [`RefusedDesign`].
-    pub fn design_as_scene(&self, design: &Design, tolerance_fractions: &[f64]) -> Result<Scene, RefusedDesign> {
+    pub fn build_scene_of_design_with_deviations_checking_distances(
+        &self,
+        design: &Design,
+        tolerance_fractions: &[f64],
+    ) -> Result<Scene, RefusedDesign> {
         let mut document = self.design_as_document(design)?;
         // The scene as it is is what designs are compared with, whether or not it keeps what they have to keep.
         if design.settings.iter().any(|setting| *setting != VariableSetting::Kept) {
             document::check_minimum_distances(&document, &self.apart)?;
         }
         if !tolerance_fractions.is_empty() {
-            uncertain::deviate_uncertain_values_by_tolerance_fractions(
+            uncertain::deviate_uncertain_values_keeping_coordinates_on_surface(
                 &mut document,
                 &self.uncertain,
                 &self.places_of_each_uncertain_value(),
@@ -176,12 +180,12 @@ impl DesignSpace {
     /// [`RefusedDesign`]; it has been read before.
     pub fn scene_of_file_with_deviations(&self, tolerance_fractions: &[f64]) -> Result<Scene, RefusedDesign> {
         let nothing = Design { settings: vec![VariableSetting::Kept; self.variables.len()] };
-        self.design_as_scene(&nothing, tolerance_fractions)
+        self.build_scene_of_design_with_deviations_checking_distances(&nothing, tolerance_fractions)
     }
 
     /// The scene as it is, where nothing but its spring holds some mass against a press: that may be worth a word. `None` with stops for all.
     #[must_use]
-    pub fn base_scene_if_any_grounded_actuator_lacks_stop(&self) -> Option<Scene> {
+    pub fn base_scene_if_any_ground_mounted_actuator_lacks_end_stop(&self) -> Option<Scene> {
         let is_free = |own: &Actuator| own.mount == Mount::Grounded && own.stop_m.is_none();
         self.scene_of_file_with_deviations(&[]).ok().filter(|scene| scene.actuators.iter().any(is_free))
     }
@@ -212,13 +216,13 @@ impl DesignSpace {
     #[must_use]
     pub fn sides_unchanged_by_variables_mm(&self) -> [Option<f64>; 2] {
         let [length, width] = document::surface_sides_if_numbers_mm(&self.base);
-        let is_known = |key: &str| !self.is_key_set_by_number_or_choice_variable(&["surface", key]);
+        let is_known = |key: &str| !self.is_key_or_its_table_set_by_number_or_choice_variable(&["surface", key]);
         [length.filter(|_| is_known("length_mm")), width.filter(|_| is_known("width_mm"))]
     }
 
     /// Whether a variable changes a key, or a table or list that it is in, by another value. Counts and places do not.
     #[must_use]
-    pub fn is_key_set_by_number_or_choice_variable(&self, key: &[&str]) -> bool {
+    pub fn is_key_or_its_table_set_by_number_or_choice_variable(&self, key: &[&str]) -> bool {
         let has_it = |place: &Vec<PathStep>| {
             let mut steps = place.iter().zip(key);
             place.len() <= key.len() && steps.all(|(step, name)| matches!(step, PathStep::Key(own) if own == name))

@@ -13,7 +13,7 @@ fn space(study: &str) -> DesignSpace {
 }
 
 fn scene(space: &DesignSpace, point: &[f64]) -> Scene {
-    space.design_as_scene(&space.design_at_point(point), &[]).unwrap()
+    space.build_scene_of_design_with_deviations_checking_distances(&space.design_at_point(point), &[]).unwrap()
 }
 
 #[test]
@@ -115,7 +115,9 @@ fn a_count_takes_the_first_ones_and_all_else_does_without_the_rest() {
     let space = space(study);
     let one = scene(&space, &[0.2, 0.5, 0.5]);
     assert_eq!(one.actuators.len(), 1);
-    let refused = space.design_as_scene(&space.design_at_point(&[0.8, 0.5, 0.5]), &[]).unwrap_err();
+    let refused = space
+        .build_scene_of_design_with_deviations_checking_distances(&space.design_at_point(&[0.8, 0.5, 0.5]), &[])
+        .unwrap_err();
     assert_eq!(refused.to_string(), "left and right are 0.0 mm apart, but must be at least 30 mm apart");
 }
 
@@ -147,10 +149,16 @@ fn sides_are_those_of_the_design() {
         let plate = STARTING_PLATE.replace("300.0", length).replace("_mm = 200.0", &format!("_mm = {width}"));
         let own = space_of(places, &plate).unwrap();
         for off in [vec![], vec![1.0, 1.0], vec![-1.0, 0.5]] {
-            let found = varied.design_as_scene(&varied.design_at_point(&[0.25, 0.5, part, part]), &off).unwrap();
+            let found = varied
+                .build_scene_of_design_with_deviations_checking_distances(
+                    &varied.design_at_point(&[0.25, 0.5, part, part]),
+                    &off,
+                )
+                .unwrap();
             assert_eq!(
                 found,
-                own.design_as_scene(&own.design_at_point(&[0.25, 0.5]), &off).unwrap(),
+                own.build_scene_of_design_with_deviations_checking_distances(&own.design_at_point(&[0.25, 0.5]), &off)
+                    .unwrap(),
                 "{length} {off:?}"
             );
             let (length_m, width_m) = (found.surface.length_m, found.surface.width_m);
@@ -308,15 +316,17 @@ fn the_scene_as_it_is_need_not_keep_what_designs_have_to() {
     let space = space(study);
     assert_eq!(space.scene_of_file_with_deviations(&[]).unwrap(), Scene::parse("plate", STARTING_PLATE).unwrap());
     assert!(
-        space.design_as_scene(&space.design_of_scene_file(), &[]).is_err()
-            && space.design_as_scene(&space.design_at_point(&[0.5, 0.5]), &[]).is_err()
+        space.build_scene_of_design_with_deviations_checking_distances(&space.design_of_scene_file(), &[]).is_err()
+            && space
+                .build_scene_of_design_with_deviations_checking_distances(&space.design_at_point(&[0.5, 0.5]), &[])
+                .is_err()
     );
 }
 
 #[test]
 fn chosen_numbers_have_few_digits() {
     assert_eq!(
-        [0.1 + 0.2, 1.0 / 3.0, 123_456_789.0, -2e-9 / 3.0].map(super::design::round_to_significant_digits),
+        [0.1 + 0.2, 1.0 / 3.0, 123_456_789.0, -2e-9 / 3.0].map(super::design::round_to_six_significant_digits),
         [0.3, 0.333_333, 123_457_000.0, -6.66667e-10]
     );
 }
@@ -346,7 +356,7 @@ fn the_scene_as_it_is_is_a_design() {
     assert_eq!(space.design_of_scene_file().settings, wanted);
     // It is that scene.
     assert_eq!(
-        space.design_as_scene(&space.design_of_scene_file(), &[]).unwrap(),
+        space.build_scene_of_design_with_deviations_checking_distances(&space.design_of_scene_file(), &[]).unwrap(),
         space.scene_of_file_with_deviations(&[]).unwrap()
     );
 }
@@ -380,7 +390,10 @@ fn a_bars_y_holds_nothing_apart() {
     let bar = EXAMPLE_BAR.replacen("x_mm", "y_mm = 19\nx_mm", 1);
     let study = "[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 1.5\nto = 2\n[[apart]]\nplaces = [\"support.*\", \"actuator.*\"]\ndistance_mm = 5000\n";
     let of = |text: &str| match space_of(study, text) {
-        Ok(space) => space.design_as_scene(&space.design_at_point(&[0.5]), &[]).err().map(|error| error.to_string()),
+        Ok(space) => space
+            .build_scene_of_design_with_deviations_checking_distances(&space.design_at_point(&[0.5]), &[])
+            .err()
+            .map(|error| error.to_string()),
         Err(error) => Some(error.to_string()),
     };
     assert!(of(&bar).is_some_and(|told| told.contains("apart")) && of(&bar) == of(EXAMPLE_BAR), "{:?}", of(&bar));

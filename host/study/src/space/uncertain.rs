@@ -55,7 +55,7 @@ pub(super) fn count_independent_values(value: &UncertainValue, places: &[Vec<Pat
 }
 
 /// Moves values by parts of what they may be off. Coordinates among them stay on the surface, whose sides may be off themselves.
-pub(super) fn deviate_uncertain_values_by_tolerance_fractions(
+pub(super) fn deviate_uncertain_values_keeping_coordinates_on_surface(
     document: &mut DocumentMut,
     uncertain_values: &[UncertainValue],
     places: &[Vec<Vec<PathStep>>],
@@ -67,7 +67,7 @@ pub(super) fn deviate_uncertain_values_by_tolerance_fractions(
             let part = tolerance_fractions.get(first + if own.together { 0 } else { k }).copied().unwrap_or(0.0);
             // None where this design does without.
             let Some(value) = number_at_place_if_any(document, place) else { continue };
-            let moved = design::round_to_significant_digits(value * (1.0 + own.part * part) + own.by * part);
+            let moved = design::round_to_six_significant_digits(value * (1.0 + own.part * part) + own.by * part);
             put_value_if_its_table_exists(document, place, &Value::from(moved));
         }
         first += count_independent_values(own, places);

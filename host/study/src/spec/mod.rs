@@ -57,7 +57,7 @@ impl StudySpec {
 
     /// The figures that are computed of every design: of wishes and limits, each once, in the file's order.
     #[must_use]
-    pub fn wanted_figures(&self) -> Vec<WantedFigure> {
+    pub fn distinct_figures_of_wishes_and_limits(&self) -> Vec<WantedFigure> {
         let mut figures: Vec<WantedFigure> = Vec::new();
         let all = self.wishes.iter().map(|wish| &wish.wanted).chain(self.limits.iter().map(|limit| &limit.wanted));
         for wanted in all {

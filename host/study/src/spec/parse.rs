@@ -127,7 +127,7 @@ fn read_variable(section: TomlSection<'_, '_>, list: Option<&toml_edit::Array>) 
             (format!("number of {}", pluralise_list_name(&list)), Some(VariableKind::Count { list, from, to }))
         }
         _ => {
-            add_none_or_several_keys_mistake(
+            report_that_not_exactly_one_key_is_given(
                 &section,
                 "name",
                 [("key", kinds[0]), ("place", kinds[1]), ("count", kinds[2])],
@@ -149,7 +149,11 @@ fn pluralise_list_name(list: &str) -> String {
 }
 
 /// Tells that not one of three keys is given, but none or several; `key_to_point_at` is the key whose line is told.
-fn add_none_or_several_keys_mistake(section: &TomlSection<'_, '_>, key_to_point_at: &str, given: [(&str, bool); 3]) {
+fn report_that_not_exactly_one_key_is_given(
+    section: &TomlSection<'_, '_>,
+    key_to_point_at: &str,
+    given: [(&str, bool); 3],
+) {
     let [a, b, c] = given.map(|(key, _)| key);
     let there: Vec<&str> = given.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key).collect();
     let text = match there.is_empty() {
@@ -276,7 +280,7 @@ fn read_place_variable(section: &TomlSection<'_, '_>, table_path: ScenePath) -> 
             Some(VariableKind::Mirror { of: table_path, from: from?, x, y })
         }
         _ => {
-            add_none_or_several_keys_mistake(
+            report_that_not_exactly_one_key_is_given(
                 section,
                 "place",
                 [("within_mm", given[0]), ("line_mm", given[1]), ("mirror_of", given[2])],
@@ -324,7 +328,7 @@ fn read_wanted_figure(section: &TomlSection<'_, '_>) -> Option<WantedFigure> {
             );
         }
     }
-    let at_mm = if figure.depends_on_place() {
+    let at_mm = if figure.is_evaluated_at_given_touch_place() {
         if !section.has_key_marking_known("at_mm") {
             section.report_wrong_value("at_mm", "missing".into(), "[x, y] in mm, the touched point");
         }
@@ -339,7 +343,7 @@ fn read_wanted_figure(section: &TomlSection<'_, '_>) -> Option<WantedFigure> {
     if !figure.is_weakest_place_peak() {
         report_given_keys_that_must_be_left_out(section, ["drives"], &is_unused("drives"));
     }
-    if !figure.depends_on_place() {
+    if !figure.is_evaluated_at_given_touch_place() {
         report_given_keys_that_must_be_left_out(section, ["at_mm"], &is_unused("at_mm"));
     }
     if figure != Figure::SagUm {

@@ -122,7 +122,8 @@ fn each_figure_is_computed_once_and_has_a_column_of_its_own() {
                 [[wish]]\nfigure = \"contrast_db\"\nat_mm = [10, 20.5]\n\
                 [[limit]]\nfigure = \"weakest_g\"\nleast = 0.1\n[[limit]]\nfigure = \"sag_um\"\nforce_n = 10\nmost = 100\n";
     let spec = StudySpec::parse("s.toml", text).unwrap();
-    let columns: Vec<String> = spec.wanted_figures().iter().map(WantedFigure::column_name).collect();
+    let columns: Vec<String> =
+        spec.distinct_figures_of_wishes_and_limits().iter().map(WantedFigure::column_name).collect();
     assert_eq!(columns, ["weakest_g", "weakest_g_one_setting", "contrast_db_at_10_20.5", "sag_um_10_n"]);
     assert_eq!(spec.wishes[0].goal, WishGoal::Most);
 }
@@ -135,11 +136,12 @@ fn a_weakest_place_is_driven_as_said() {
         )
     };
     let spec = StudySpec::parse("s.toml", &of("drives = \"in_phase\"\n")).unwrap();
-    assert_eq!(spec.wanted_figures()[0].column_name(), "weakest_g_in_phase");
+    assert_eq!(spec.distinct_figures_of_wishes_and_limits()[0].column_name(), "weakest_g_in_phase");
     assert_eq!((spec.method.way, spec.method.finalists), (PointMethod::Sobol, 2));
     assert!(
-        !spec.wanted_figures()[0].needs_no_plan_table()
-            && StudySpec::parse("s.toml", &of("")).unwrap().wanted_figures()[0].needs_no_plan_table()
+        !spec.distinct_figures_of_wishes_and_limits()[0].needs_no_plan_table()
+            && StudySpec::parse("s.toml", &of("")).unwrap().distinct_figures_of_wishes_and_limits()[0]
+                .needs_no_plan_table()
     );
     let told = |wish: &str| told(&of(wish))[0].1.clone();
     assert!(told("drives = \"two\"\n").contains("wish[1].drives is \"two\", but must be one of \"distinct\""));

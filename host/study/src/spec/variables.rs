@@ -125,7 +125,7 @@ pub struct StudyVariable {
 impl StudyVariable {
     /// Whether it moves the table that a path leads to.
     #[must_use]
-    pub fn is_place_variable_of_table(&self, path: &ScenePath) -> bool {
+    pub fn is_place_or_mirror_variable_of_table(&self, path: &ScenePath) -> bool {
         matches!(&self.what, VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } if of == path)
     }
 }

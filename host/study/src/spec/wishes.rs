@@ -178,7 +178,7 @@ impl Figure {
 
     /// Whether it is about a place.
     #[must_use]
-    pub const fn depends_on_place(self) -> bool {
+    pub const fn is_evaluated_at_given_touch_place(self) -> bool {
         matches!(self, Self::ContrastDb | Self::RiseMs)
     }
 
@@ -218,7 +218,7 @@ impl WantedFigure {
 
     /// Whether it is the peak at the weakest place with a setting for every touch, of which a plan has a bound.
     #[must_use]
-    pub fn is_weakest_peak_of_setting_per_touch_at_distinct_frequencies(&self) -> bool {
+    pub fn is_weakest_peak_in_g_of_setting_per_touch_at_distinct_frequencies(&self) -> bool {
         self.figure == Figure::WeakestG
             && (self.setting, self.drives) == (SettingScope::EveryTouch, FrequencyGrouping::Distinct)
     }
@@ -226,7 +226,7 @@ impl WantedFigure {
     /// Whether its relative error has a bound when it is computed thoroughly.
     #[must_use]
     pub fn can_have_error_bound(&self) -> bool {
-        self.is_weakest_peak_of_setting_per_touch_at_distinct_frequencies()
+        self.is_weakest_peak_in_g_of_setting_per_touch_at_distinct_frequencies()
             || self.figure == Figure::SagUm
             || self.figure.is_mode_frequency()
     }

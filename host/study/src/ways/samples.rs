@@ -94,15 +94,15 @@ impl KnownPoints {
 #[must_use]
 pub fn count_designs_of_method(method: &StudyMethod, dimensions: &[CubeDimension]) -> usize {
     match method.way {
-        PointMethod::Grid => dimensions
-            .iter()
-            .fold(1_usize, |count, own| count.saturating_mul(count_grid_levels_own_or_default(own, method.levels))),
+        PointMethod::Grid => dimensions.iter().fold(1_usize, |count, own| {
+            count.saturating_mul(count_grid_levels_own_or_all_values_or_default(own, method.levels))
+        }),
         PointMethod::LatinHypercube | PointMethod::Sobol | PointMethod::Evolution => method.designs,
     }
 }
 
 /// How many values of a dimension are on a grid.
-fn count_grid_levels_own_or_default(dimension: &CubeDimension, default_level_count: usize) -> usize {
+fn count_grid_levels_own_or_all_values_or_default(dimension: &CubeDimension, default_level_count: usize) -> usize {
     match dimension.count {
         Some(count) => dimension.levels.unwrap_or(count).min(count),
         None => dimension.levels.unwrap_or(default_level_count),
@@ -115,14 +115,14 @@ fn coordinates_of_grid_levels(dimension: &CubeDimension, default_level_count: us
     match dimension.count {
         // The middle of what stands for each.
         Some(count) => {
-            let chosen = count_grid_levels_own_or_default(dimension, default_level_count);
+            let chosen = count_grid_levels_own_or_all_values_or_default(dimension, default_level_count);
             let last = chosen.saturating_sub(1).max(1);
             (0..chosen).map(|k| (((k * (count - 1)) as f64 / last as f64).round() + 0.5) / count as f64).collect()
         }
         None => era_model::scene::equidistant_numbers(
             0.0,
             1.0,
-            count_grid_levels_own_or_default(dimension, default_level_count),
+            count_grid_levels_own_or_all_values_or_default(dimension, default_level_count),
         ),
     }
 }

@@ -2,7 +2,7 @@
 
 use era::device::convert::drive_to_wire;
 use era::device::sim::SimPanel;
-use era::planner::drive::assign_channels;
+use era::planner::drive::assign_channels_in_order_of_drives;
 use era::planner::plan::derate_plan;
 use era::planner::plan_motion::PlanMotion;
 use era::planner::residual::{
@@ -74,9 +74,12 @@ pub fn simulate_turns(
         };
         let room = match mode {
             SuccessionMode::AtFullForce => StartHeadroom::ALL,
-            SuccessionMode::FittedToHeadroom => {
-                residual.find_headroom(&whole_motion, Some(&plan.drives), bench.time_s(), board)
-            }
+            SuccessionMode::FittedToHeadroom => residual.find_wait_and_force_fraction_within_travel_limits(
+                &whole_motion,
+                Some(&plan.drives),
+                bench.time_s(),
+                board,
+            ),
         };
         if room.goes_on {
             // The next one comes before, and takes its place.
@@ -112,7 +115,7 @@ pub fn simulate_turns(
                 (Some(_), _) => None,
             };
             if let Some((part, (next, motion))) = next {
-                let drives = assign_channels(&next.drives).iter().map(drive_to_wire).collect();
+                let drives = assign_channels_in_order_of_drives(&next.drives).iter().map(drive_to_wire).collect();
                 bench.send_request(&Request::SetDrives { drives }).unwrap();
                 residual.record_drives_that_begin_in_place_of_others(
                     id,

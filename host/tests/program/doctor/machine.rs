@@ -3,7 +3,7 @@
 
 use era::doctor::machine::{
     find_group_with_access_and_membership, find_modem_manager_pid, find_other_processes_with_port_open,
-    find_udev_rules_for_board, read_realtime_priority_limit,
+    find_udev_rules_for_board_if_machine_has_udev, read_realtime_priority_limit,
 };
 use std::os::unix::fs::symlink;
 use std::path::Path;
@@ -18,10 +18,10 @@ fn plant(root: &Path, path: &str, text: &str) {
 fn rules_about_the_board_are_found_wherever_they_are() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
-    assert_eq!(find_udev_rules_for_board(root), None);
+    assert_eq!(find_udev_rules_for_board_if_machine_has_udev(root), None);
     plant(root, "etc/udev/rules.d/10-other.rules", "ATTRS{idVendor}==\"0483\", ATTRS{idProduct}==\"df11\"\n");
     plant(root, "etc/udev/rules.d/70-era.txt", &era::install::rule::format_rule("plugdev", None));
-    assert_eq!(find_udev_rules_for_board(root), Some(Vec::new()));
+    assert_eq!(find_udev_rules_for_board_if_machine_has_udev(root), Some(Vec::new()));
     plant(root, "usr/lib/udev/rules.d/70-era.rules", &era::install::rule::format_rule("plugdev", None));
     // The same folder by another name, as on most machines.
     symlink("usr/lib", root.join("lib")).unwrap();
@@ -30,7 +30,7 @@ fn rules_about_the_board_are_found_wherever_they_are() {
         "etc/udev/rules.d/60-own.rules",
         "ATTRS{idVendor}==\"1209\", ATTRS{idProduct}==\"0001\", MODE=\"0666\"\n",
     );
-    let found = find_udev_rules_for_board(root).unwrap();
+    let found = find_udev_rules_for_board_if_machine_has_udev(root).unwrap();
     assert_eq!(found.len(), 2, "{found:?}");
     assert!(found[0].ignores_modem_manager && found[0].path.ends_with("lib/udev/rules.d/70-era.rules"), "{found:?}");
     assert!(!found[1].ignores_modem_manager && found[1].path.ends_with("60-own.rules"), "{found:?}");

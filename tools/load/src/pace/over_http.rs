@@ -45,8 +45,10 @@ fn send_touches_on_connection(endpoint: &Endpoint, pace: Pace, counter: &AtomicU
 fn classify_touch_answer(received: ReceivedAnswer) -> Touch {
     let ReceivedAnswer { due, ended, answer } = received;
     let end = match answer {
-        Ok(answer) if answer.status == 200 => TouchEnd::from_plan(&answer.parse_json()),
-        Ok(answer) => TouchEnd::from_problem(&answer.parse_json()),
+        Ok(answer) if answer.status == 200 => {
+            TouchEnd::driven_from_plan_or_refused_if_unreadable(&answer.parse_json_body_or_null())
+        }
+        Ok(answer) => TouchEnd::overtaken_if_problem_is_superseded_else_refused(&answer.parse_json_body_or_null()),
         Err(error) => TouchEnd::Refused(format!("no answer, {error}")),
     };
     Touch { due, ended, end }

@@ -57,7 +57,7 @@ fn send_finger_places_and_list_due_times(writer: &mut Live, pace: Pace) -> Resul
 fn read_messages(reader: &mut Live, until: Instant) -> Result<Vec<(Instant, Value)>, String> {
     let mut all = Vec::new();
     while Instant::now() < until {
-        if let Some(message) = reader.read_until(until)? {
+        if let Some(message) = reader.read_one_json_message_if_any_until(until)? {
             all.push((Instant::now(), message));
         }
     }
@@ -71,7 +71,11 @@ fn match_messages_to_touches(first_number: u32, due: &[Instant], messages: &[(In
         if message["type"] == "error" {
             // It does not say for which: the oldest that may have been meant.
             if let Some(due) = due.get(all.len()).filter(|due| **due <= *at) {
-                all.push(Touch { due: *due, ended: *at, end: TouchEnd::from_problem(&message["problem"]) });
+                all.push(Touch {
+                    due: *due,
+                    ended: *at,
+                    end: TouchEnd::overtaken_if_problem_is_superseded_else_refused(&message["problem"]),
+                });
             }
             continue;
         }
@@ -85,7 +89,11 @@ fn match_messages_to_touches(first_number: u32, due: &[Instant], messages: &[(In
         while let Some((due, k)) = due.get(all.len()).zip(u32::try_from(all.len()).ok())
             && k <= found
         {
-            let end = if k < found { TouchEnd::Overtaken } else { TouchEnd::from_plan(&message["plan"]) };
+            let end = if k < found {
+                TouchEnd::Overtaken
+            } else {
+                TouchEnd::driven_from_plan_or_refused_if_unreadable(&message["plan"])
+            };
             all.push(Touch { due: *due, ended: *at, end });
         }
     }

@@ -42,7 +42,7 @@ pub struct Drive {
 impl TouchEnd {
     /// By a plan.
     #[must_use]
-    pub fn from_plan(plan: &Value) -> Self {
+    pub fn driven_from_plan_or_refused_if_unreadable(plan: &Value) -> Self {
         let drives = plan["drives"].as_array().map_or(&[][..], Vec::as_slice).iter().map(Drive::parse).collect();
         let unreadable = || Self::Refused("drives that cannot be read".into());
         Option::<Vec<Drive>>::map_or_else(drives, unreadable, Self::Driven)
@@ -50,7 +50,7 @@ impl TouchEnd {
 
     /// By a problem.
     #[must_use]
-    pub fn from_problem(problem: &Value) -> Self {
+    pub fn overtaken_if_problem_is_superseded_else_refused(problem: &Value) -> Self {
         match problem["type"].as_str().and_then(|kind| kind.rsplit(':').next()) {
             Some("superseded") => Self::Overtaken,
             Some(other) => Self::Refused(other.into()),
@@ -80,11 +80,20 @@ mod tests {
     fn an_end_is_read_from_what_the_daemon_says() {
         let drive = json!({"frequency_hz": 200.0, "voltage_v": 900.0, "pulse_width": 0.5, "phase_rad": 0.25});
         let read = Drive { frequency_hz: 200.0, voltage_v: 900.0, pulse_width: 0.5, phase_rad: 0.25 };
-        assert_eq!(TouchEnd::from_plan(&json!({"drives": [drive]})), TouchEnd::Driven(vec![read]));
-        assert!(matches!(TouchEnd::from_plan(&json!({"drives": [{"frequency_hz": 200.0}]})), TouchEnd::Refused(_)));
-        assert_eq!(TouchEnd::from_problem(&json!({"type": "urn:era:problem:superseded"})), TouchEnd::Overtaken);
         assert_eq!(
-            TouchEnd::from_problem(&json!({"type": "urn:era:problem:queue-full"})),
+            TouchEnd::driven_from_plan_or_refused_if_unreadable(&json!({"drives": [drive]})),
+            TouchEnd::Driven(vec![read])
+        );
+        assert!(matches!(
+            TouchEnd::driven_from_plan_or_refused_if_unreadable(&json!({"drives": [{"frequency_hz": 200.0}]})),
+            TouchEnd::Refused(_)
+        ));
+        assert_eq!(
+            TouchEnd::overtaken_if_problem_is_superseded_else_refused(&json!({"type": "urn:era:problem:superseded"})),
+            TouchEnd::Overtaken
+        );
+        assert_eq!(
+            TouchEnd::overtaken_if_problem_is_superseded_else_refused(&json!({"type": "urn:era:problem:queue-full"})),
             TouchEnd::Refused("queue-full".into())
         );
     }

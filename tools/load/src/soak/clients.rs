@@ -98,7 +98,8 @@ pub fn run_http_client(state: &SoakState, socket: Option<&Path>, client: usize, 
                 match http.send_request("POST", "/v1/touch", Some(&name), &body) {
                     Ok(answer) => {
                         tally.times.add_time(begun.elapsed());
-                        tally.count_answer(RequestAnswer::from_status(answer.status, &answer.parse_json()));
+                        tally
+                            .count_answer(RequestAnswer::from_status(answer.status, &answer.parse_json_body_or_null()));
                     }
                     Err(error) => {
                         ask_and_count_outcome_of_unanswered_touch(state, (serving, at), &name, &error, &mut tally)
@@ -121,7 +122,8 @@ fn count_non_touch_request_if_answered(tally: &mut Tally, answer: io::Result<Ans
 /// An answer to `POST /v1/arm`. One that did not come is no loss: arming again does no harm.
 fn count_arming_if_answered(tally: &mut Tally, answer: &io::Result<Answer>) {
     if let Ok(answer) = answer {
-        tally.count_answer_to_arm_request(&RequestAnswer::from_status(answer.status, &answer.parse_json()));
+        tally
+            .count_answer_to_arm_request(&RequestAnswer::from_status(answer.status, &answer.parse_json_body_or_null()));
     }
 }
 
@@ -143,7 +145,7 @@ fn ask_and_count_outcome_of_unanswered_touch(
         }
         match http.get(&format!("/v1/requests/{name}")) {
             Ok(answer) => {
-                let told = answer.parse_json();
+                let told = answer.parse_json_body_or_null();
                 if answer.status == 200 && told["state"] != "waiting" {
                     tally.told += 1;
                     return;
@@ -154,7 +156,10 @@ fn ask_and_count_outcome_of_unanswered_touch(
         }
         std::thread::sleep(LOOK);
     }
-    tally.record_loss(format!("{name}: {error} ({:?}); the answer about its outcome: {last}", error.kind()));
+    tally.record_and_print_lost_touch(format!(
+        "{name}: {error} ({:?}); the answer about its outcome: {last}",
+        error.kind()
+    ));
 }
 
 /// Taps and drags on the live socket, one after the other: the last place of each must be driven and shown, or refused.
@@ -182,7 +187,7 @@ pub fn run_live_client(state: &SoakState, client: usize, mut random: Rng) -> Tal
         };
         tally.sent += 1;
         let begun = Instant::now();
-        match perform_random_gesture(&mut live, client, &mut random) {
+        match perform_random_gesture_and_await_plan_or_refusal(&mut live, client, &mut random) {
             Ok(answer) => {
                 // A drag of which a place was refused is waited for.
                 if answer.was_touch_driven() {
@@ -194,7 +199,7 @@ pub fn run_live_client(state: &SoakState, client: usize, mut random: Rng) -> Tal
             Err(error) => {
                 // What has been said of a kill is said before it.
                 if state.is_current_daemon(serving) {
-                    tally.record_loss(format!("live{client}.{}: {error}", tally.sent));
+                    tally.record_and_print_lost_touch(format!("live{client}.{}: {error}", tally.sent));
                 } else {
                     tally.killed += 1;
                 }
@@ -206,7 +211,11 @@ pub fn run_live_client(state: &SoakState, client: usize, mut random: Rng) -> Tal
 }
 
 /// Puts a finger down, moves it, and lifts it.
-fn perform_random_gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<RequestAnswer, String> {
+fn perform_random_gesture_and_await_plan_or_refusal(
+    live: &mut Live,
+    client: usize,
+    random: &mut Rng,
+) -> Result<RequestAnswer, String> {
     let (moves, intensity_g) = (random.u64(0..MOST_MOVES), random.f64());
     let (mut x_px, mut y_px) = choose_random_place_px(random);
     for step in 0..=moves {

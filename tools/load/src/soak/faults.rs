@@ -106,8 +106,12 @@ impl Faults<'_> {
                         kind,
                         &[Direction::ToBoard],
                     )?,
-                    FaultKind::RubbishToBoard => self.insert_rubbish_and_record_detection(Direction::ToBoard, kind),
-                    FaultKind::RubbishToHost => self.insert_rubbish_and_record_detection(Direction::ToHost, kind),
+                    FaultKind::RubbishToBoard => {
+                        self.insert_rubbish_before_each_frame_byte_and_record_detection(Direction::ToBoard, kind)
+                    }
+                    FaultKind::RubbishToHost => {
+                        self.insert_rubbish_before_each_frame_byte_and_record_detection(Direction::ToHost, kind)
+                    }
                     _ => self.pause_daemon_and_record_detection_and_recovery()?,
                 }
             }
@@ -135,7 +139,7 @@ impl Faults<'_> {
     }
 
     /// Drives something, so that there is high voltage to be lost.
-    pub(super) fn drive_until_energised(&self) -> Result<(), String> {
+    pub(super) fn post_touches_until_high_voltage_is_on(&self) -> Result<(), String> {
         let mut http = self.new_http_client();
         let mut last = String::new();
         for _ in 0..TRIES {
@@ -143,7 +147,7 @@ impl Faults<'_> {
                 Ok(answer) if answer.status == 200 && self.sim_control().observations_since_start().energised => {
                     return Ok(());
                 }
-                Ok(answer) => last = format!("{} {}", answer.status, answer.parse_json()["detail"]),
+                Ok(answer) => last = format!("{} {}", answer.status, answer.parse_json_body_or_null()["detail"]),
                 Err(error) => last = error.to_string(),
             }
             std::thread::sleep(LOOK);
@@ -158,7 +162,7 @@ impl Faults<'_> {
         while begun.elapsed() < AGAIN {
             match http.post("/v1/touch", LONG_TOUCH) {
                 Ok(answer) if answer.status == 200 => return Ok(begun.elapsed()),
-                Ok(answer) => last = format!("{} {}", answer.status, answer.parse_json()["detail"]),
+                Ok(answer) => last = format!("{} {}", answer.status, answer.parse_json_body_or_null()["detail"]),
                 Err(error) => last = error.to_string(),
             }
             std::thread::sleep(LOOK);
@@ -173,14 +177,14 @@ impl Faults<'_> {
     }
 
     /// Waits until a metric is as wanted.
-    fn await_condition_on_metrics_text(&self, what: &str, is_seen: impl Fn(&str) -> bool) -> SeenAfter {
+    fn await_condition_on_metrics_text(&self, failure_message: &str, is_seen: impl Fn(&str) -> bool) -> SeenAfter {
         let mut http = self.new_http_client();
         let mut text = || http.get("/metrics").map(|answer| String::from_utf8_lossy(&answer.body).into_owned());
         wait_until(NOTICED, || text().is_ok_and(|text| is_seen(&text)))
-            .ok_or_else(|| format!("{what} within {} s", NOTICED.as_secs()))
+            .ok_or_else(|| format!("{failure_message} within {} s", NOTICED.as_secs()))
     }
 
-    fn fetch_metrics(&self) -> String {
+    fn fetch_metrics_text_or_empty(&self) -> String {
         self.new_http_client()
             .get("/metrics")
             .map(|answer| String::from_utf8_lossy(&answer.body).into_owned())
@@ -194,7 +198,7 @@ impl Faults<'_> {
     }
 
     /// Takes the board away by `remove_board`; says after how long that was told.
-    pub(super) fn time_loss_detection_and_voltage_off(
+    pub(super) fn remove_board_and_time_later_of_loss_report_and_voltage_off(
         &mut self,
         remove_board: impl FnOnce(&mut Bench) -> Result<(), Error>,
     ) -> Result<SeenAfter, Error> {
@@ -224,9 +228,9 @@ impl Faults<'_> {
     }
 
     fn unplug_board_and_record_detection_and_recovery(&mut self) -> Result<(), Error> {
-        let driven = self.drive_until_energised();
-        let before = find_metric(&self.fetch_metrics(), "era_device_outages_total");
-        let seen = self.time_loss_detection_and_voltage_off(Bench::unplug)?;
+        let driven = self.post_touches_until_high_voltage_is_on();
+        let before = find_metric(&self.fetch_metrics_text_or_empty(), "era_device_outages_total");
+        let seen = self.remove_board_and_time_later_of_loss_report_and_voltage_off(Bench::unplug)?;
         let off = driven.and(seen);
         let noticed = self.await_condition_on_metrics_text("the outage was not counted", |text| {
             find_metric(text, "era_device_outages_total") > before
@@ -256,9 +260,9 @@ impl Faults<'_> {
         kind: FaultKind,
         directions: &[Direction],
     ) -> Result<(), Error> {
-        let driven = self.drive_until_energised();
-        let before = Self::sum_doubt_outage_and_fault_counts_in_metrics(&self.fetch_metrics());
-        let seen = self.time_loss_detection_and_voltage_off(|bench| {
+        let driven = self.post_touches_until_high_voltage_is_on();
+        let before = Self::sum_doubt_outage_and_fault_counts_in_metrics(&self.fetch_metrics_text_or_empty());
+        let seen = self.remove_board_and_time_later_of_loss_report_and_voltage_off(|bench| {
             bench.set_blocked_directions(directions);
             Ok(())
         })?;
@@ -276,7 +280,7 @@ impl Faults<'_> {
         Ok(())
     }
 
-    fn insert_rubbish_and_record_detection(&mut self, direction: Direction, kind: FaultKind) {
+    fn insert_rubbish_before_each_frame_byte_and_record_detection(&mut self, direction: Direction, kind: FaultKind) {
         for at in 0..BYTES {
             let Some(mut noticed) = self.insert_rubbish_if_frame_fits_and_await_detection(direction, at) else {
                 continue;
@@ -300,7 +304,7 @@ impl Faults<'_> {
             let names = ["era_link_repeats_total", "era_link_bad_frames_total", "era_device_outages_total"];
             names.map(|name| find_metric(text, name))
         };
-        let before = links(&self.fetch_metrics());
+        let before = links(&self.fetch_metrics_text_or_empty());
         let length = self.random.usize(1..16);
         let bytes = (0..length).map(|_| self.random.u8(1..)).collect();
         self.bench.insert_rubbish_into_next_fitting_frame(Rubbish { direction, at: before_byte_index, bytes });
@@ -318,8 +322,8 @@ impl Faults<'_> {
     }
 
     fn pause_daemon_and_record_detection_and_recovery(&mut self) -> Result<(), Error> {
-        let driven = self.drive_until_energised();
-        let before = Self::sum_doubt_outage_and_fault_counts_in_metrics(&self.fetch_metrics());
+        let driven = self.post_touches_until_high_voltage_is_on();
+        let before = Self::sum_doubt_outage_and_fault_counts_in_metrics(&self.fetch_metrics_text_or_empty());
         self.daemon.set_paused(true)?;
         let off = driven.and_then(|()| self.await_high_voltage_off());
         std::thread::sleep(Duration::from_millis(self.random.u64(0..3000)));
@@ -348,15 +352,15 @@ impl Faults<'_> {
     }
 
     fn kill_and_restart_daemon_recording_recovery(&mut self) -> Result<(), Error> {
-        let driven = self.drive_until_energised();
-        self.outages += self.read_metric_count("era_device_outages_total");
-        self.faults += self.read_metric_count("era_device_faults_total");
+        let driven = self.post_touches_until_high_voltage_is_on();
+        self.outages += self.fetch_metric_count_or_zero("era_device_outages_total");
+        self.faults += self.fetch_metric_count_or_zero("era_device_faults_total");
         self.before_kill = Some(self.daemon.read_memory_threads_and_handles());
         self.world.clear_daemon();
         self.daemon.kill();
         let off = driven.and_then(|()| self.await_high_voltage_off());
         self.daemon = Daemon::start(&self.plan)?;
-        self.world.set_daemon(self.daemon.address);
+        self.world.set_serving_daemon_incrementing_generation(self.daemon.address);
         self.ledger.record_fault(FaultKind::Killed, off, self.retry_touch_until_driven());
         Ok(())
     }
@@ -364,8 +368,8 @@ impl Faults<'_> {
     /// What the present daemon has counted of something.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
-    pub fn read_metric_count(&self, name: &str) -> u64 {
-        find_metric(&self.fetch_metrics(), name).unwrap_or(0.0) as u64
+    pub fn fetch_metric_count_or_zero(&self, name: &str) -> u64 {
+        find_metric(&self.fetch_metrics_text_or_empty(), name).unwrap_or(0.0) as u64
     }
 }
 

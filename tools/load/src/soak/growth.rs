@@ -14,7 +14,11 @@ const THREADS: u64 = 8;
 const HANDLES: u64 = 4;
 
 /// What has grown by more than it may from `warm` to `later`, in words.
-pub fn describe_growth(warm: MemoryThreadsAndHandles, later: MemoryThreadsAndHandles, when: &str) -> Vec<String> {
+pub fn describe_growth_beyond_allowance(
+    warm: MemoryThreadsAndHandles,
+    later: MemoryThreadsAndHandles,
+    when: &str,
+) -> Vec<String> {
     // A process without a thread is none.
     if warm.threads == 0 || later.threads == 0 {
         return vec![format!("the memory, threads and handles of the daemon {when} could not be read")];
@@ -40,7 +44,7 @@ mod tests {
     fn each_grows_by_itself_and_by_no_more_than_it_may() {
         let warm = MemoryThreadsAndHandles { memory_kb: 40_000, threads: 16, handles: 24 };
         assert_eq!(
-            describe_growth(
+            describe_growth_beyond_allowance(
                 warm,
                 MemoryThreadsAndHandles { memory_kb: 48_192, threads: 24, handles: 28 },
                 "at the end"
@@ -52,9 +56,9 @@ mod tests {
             (MemoryThreadsAndHandles { threads: 25, ..warm }, "threads grew"),
             (MemoryThreadsAndHandles { handles: 29, ..warm }, "handles grew"),
         ] {
-            let found = describe_growth(warm, later, "at the end");
+            let found = describe_growth_beyond_allowance(warm, later, "at the end");
             assert!(found.len() == 1 && found[0].contains(name), "{found:?}");
         }
-        assert_eq!(describe_growth(warm, MemoryThreadsAndHandles::default(), "at the end").len(), 1);
+        assert_eq!(describe_growth_beyond_allowance(warm, MemoryThreadsAndHandles::default(), "at the end").len(), 1);
     }
 }

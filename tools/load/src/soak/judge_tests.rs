@@ -8,8 +8,8 @@ use super::faults::{Faults, wait_until, watch_for_high_voltage_and_fail_if_on};
 use super::ledger::{FaultKind, FaultLedger};
 use super::tally::Tally;
 use super::world::SoakState;
-use super::{Options, clients, make_report, run_load_until_end};
-use crate::board::{Bench, Direction, build_plan_table};
+use super::{Options, clients, make_report, wait_until_end_injecting_faults_if_enabled};
+use crate::board::{Bench, Direction, build_plan_table_of_starting_plate};
 use crate::daemon::{Daemon, DaemonSetup, MemoryThreadsAndHandles};
 use era::daemon::{Access, App, BackgroundDaemon};
 use era::device::session::policy::SessionPolicy;
@@ -59,8 +59,14 @@ fn verdict_on_board(mistakes: Mistakes, act: impl FnOnce(&mut Faults<'_>)) -> Op
     let device =
         OpenDevice::new_unconnected_for_serial_or_auto(&Target::Serial(path.to_str().unwrap().into())).unwrap();
     let policy = SessionPolicy { clears_silence: true, arms_after_outage: true, ..SessionPolicy::default() };
-    let app = App::with_policy(build_plan_table().unwrap(), device, STARTING_PLATE.into(), policy, Access::default())
-        .unwrap();
+    let app = App::start_session_with_policy_and_access(
+        build_plan_table_of_starting_plate().unwrap(),
+        device,
+        STARTING_PLATE.into(),
+        policy,
+        Access::default(),
+    )
+    .unwrap();
     let background = BackgroundDaemon::start(app).unwrap();
     run_and_find_failures(folder.path(), bench, background.address(), |faults| {
         faults.daemon.await_device().unwrap();
@@ -85,7 +91,7 @@ fn run_and_find_failures(
     let plan = make_daemon_setup(folder, write_fake_daemon(folder, address, "exec sleep 600"));
     let daemon = Daemon::start(&plan).unwrap();
     let (world, at_start) = (SoakState::default(), daemon.read_memory_threads_and_handles());
-    world.set_daemon(daemon.address);
+    world.set_serving_daemon_incrementing_generation(daemon.address);
     let (ledger, random) = (FaultLedger::default(), Rng::with_seed(1));
     let mut faults =
         Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, faults: 0, before_kill: None };
@@ -97,7 +103,7 @@ fn run_and_find_failures(
 
 fn send_strong_touch(faults: &mut Faults<'_>) {
     let answer = faults.new_http_client().post("/v1/touch", STRONG).unwrap();
-    assert_eq!(answer.status, 200, "{}", answer.parse_json());
+    assert_eq!(answer.status, 200, "{}", answer.parse_json_body_or_null());
 }
 
 #[test]
@@ -115,7 +121,7 @@ fn a_sound_board_at_full_strength_is_no_reason_for_a_verdict() {
 fn both_electrodes_on_together_are_named() {
     let mistakes = Mistakes { both_electrodes: true, ..Mistakes::default() };
     let found = verdict_on_board(mistakes, |faults| {
-        faults.drive_until_energised().unwrap();
+        faults.post_touches_until_high_voltage_is_on().unwrap();
         wait_until(WAIT, || faults.sim_control().observations_since_start().overlaps > 0)
             .expect("they are on together");
     });
@@ -212,7 +218,7 @@ fn a_loss_that_is_told_late_is_named() {
     let address = serve_metrics_with_late_loss(Arc::clone(&lost), Duration::from_millis(150));
     let found = verdict_on_address(address, |faults| {
         let told = faults
-            .time_loss_detection_and_voltage_off(|_| {
+            .remove_board_and_time_later_of_loss_report_and_voltage_off(|_| {
                 let _ = lost.set(Instant::now());
                 Ok(())
             })
@@ -259,7 +265,7 @@ fn serve_refusing_every_touch(world: Arc<SoakState>) -> SocketAddr {
 fn a_daemon_that_refuses_every_touch_is_named() {
     let world = Arc::new(SoakState::default());
     let address = serve_refusing_every_touch(Arc::clone(&world));
-    world.set_daemon(address);
+    world.set_serving_daemon_incrementing_generation(address);
     let tally = clients::run_http_client(&world, None, 0, Rng::with_seed(1));
     let found = super::report::tests::make_report_with_tally(tally).find_failures().unwrap();
     assert!(found.contains("no touch was driven") && found.contains("with 409 device-fault"), "{found}");
@@ -326,7 +332,7 @@ fn serve_closing_touch_connections(world: Arc<SoakState>) -> SocketAddr {
 #[test]
 fn a_touch_without_an_answer_is_named() {
     let world = Arc::new(SoakState::default());
-    world.set_daemon(serve_closing_touch_connections(Arc::clone(&world)));
+    world.set_serving_daemon_incrementing_generation(serve_closing_touch_connections(Arc::clone(&world)));
     let tally = clients::run_http_client(&world, None, 0, Rng::with_seed(1));
     assert!(tally.lost > 0 && tally.losses.iter().all(|loss| loss.contains("client0.")), "{:?}", tally.losses);
     assert!(super::report::tests::make_report_with_tally(tally).find_failures().unwrap().contains("touches were lost"));
@@ -336,7 +342,7 @@ fn a_touch_without_an_answer_is_named() {
 fn a_gesture_without_an_answer_is_named() {
     let world = Arc::new(SoakState::default());
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    world.set_daemon(listener.local_addr().unwrap());
+    world.set_serving_daemon_incrementing_generation(listener.local_addr().unwrap());
     let over = Arc::clone(&world);
     let server = std::thread::spawn(move || {
         let (stream, _) = listener.accept().unwrap();
@@ -367,7 +373,8 @@ fn a_daemon_that_ends_by_itself_is_named() {
         Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, faults: 0, before_kill: None };
     wait_until(WAIT, || faults.daemon.has_ended() && faults.daemon.recent_log().contains("out of"))
         .expect("its last words");
-    let error = run_load_until_end(&OPTIONS, Instant::now(), &mut faults).unwrap_err().to_string();
+    let error =
+        wait_until_end_injecting_faults_if_enabled(&OPTIONS, Instant::now(), &mut faults).unwrap_err().to_string();
     assert!(error.contains("the daemon has ended by itself") && error.contains("out of everything"), "{error}");
     let found = make_report(
         &OPTIONS,

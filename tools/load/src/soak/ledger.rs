@@ -115,7 +115,7 @@ impl FaultLedger {
 
     /// All kinds together.
     #[must_use]
-    pub fn sum_counts(&self) -> FaultCount {
+    pub fn sum_counts_with_longest_times_over_kinds(&self) -> FaultCount {
         self.counts.values().fold(FaultCount::default(), |sum, count| FaultCount {
             injected: sum.injected + count.injected,
             detected: sum.detected + count.detected,
@@ -135,7 +135,7 @@ mod tests {
         let mut ledger = FaultLedger::default();
         ledger.record_fault(FaultKind::Held, Ok(Duration::from_millis(3)), Ok(Duration::ZERO));
         ledger.record_fault(FaultKind::Held, Ok(Duration::from_millis(2)), Err("no answer".into()));
-        let total = ledger.sum_counts();
+        let total = ledger.sum_counts_with_longest_times_over_kinds();
         assert_eq!((total.injected, total.detected, total.recovered), (2, 2, 1));
         assert_eq!((total.detection, ledger.misses.len()), (Duration::from_millis(3), 1));
     }

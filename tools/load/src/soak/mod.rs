@@ -72,7 +72,7 @@ pub fn run_soak(options: &Options) -> Result<(), Error> {
     let daemon = Daemon::start(&plan)?;
     daemon.await_device()?;
     let world = Arc::new(SoakState::default());
-    world.set_daemon(daemon.address);
+    world.set_serving_daemon_incrementing_generation(daemon.address);
     let mut random = Rng::with_seed(options.seed);
     let socket = plan.socket.clone();
     let mut faults = Faults {
@@ -100,13 +100,13 @@ pub fn run_soak(options: &Options) -> Result<(), Error> {
     }
     std::thread::sleep(WARM);
     let at_start = faults.daemon.read_memory_threads_and_handles();
-    let result = run_load_until_end(options, begun, &mut faults);
+    let result = wait_until_end_injecting_faults_if_enabled(options, begun, &mut faults);
     world.tell_clients_to_end();
     let mut tally = Tally::default();
     for thread in threads {
         match thread.join() {
             Ok(one) => tally.merge(one),
-            Err(_) => tally.record_loss("a client has panicked".into()),
+            Err(_) => tally.record_and_print_lost_touch("a client has panicked".into()),
         }
     }
     result?;
@@ -127,8 +127,8 @@ fn make_report(
     tally: Tally,
     faults: Faults<'_>,
 ) -> Report {
-    let outages = faults.outages + faults.read_metric_count("era_device_outages_total");
-    let latched = faults.faults + faults.read_metric_count("era_device_faults_total");
+    let outages = faults.outages + faults.fetch_metric_count_or_zero("era_device_outages_total");
+    let latched = faults.faults + faults.fetch_metric_count_or_zero("era_device_faults_total");
     let Faults { bench, mut daemon, ledger, before_kill, .. } = faults;
     Report {
         seed: options.seed,
@@ -147,7 +147,11 @@ fn make_report(
 }
 
 /// Lets clients and faults go on until the time is over.
-fn run_load_until_end(options: &Options, begun: Instant, faults: &mut Faults<'_>) -> Result<(), Error> {
+fn wait_until_end_injecting_faults_if_enabled(
+    options: &Options,
+    begun: Instant,
+    faults: &mut Faults<'_>,
+) -> Result<(), Error> {
     let lasts = Duration::from_secs_f64(options.minutes * 60.0);
     let mut told = Instant::now();
     while begun.elapsed() < lasts {
@@ -159,7 +163,7 @@ fn run_load_until_end(options: &Options, begun: Instant, faults: &mut Faults<'_>
         }
         if options.faults {
             faults.inject_every_fault()?;
-            let total = faults.ledger.sum_counts();
+            let total = faults.ledger.sum_counts_with_longest_times_over_kinds();
             eprintln!(
                 "{:.0} s: {} faults, {} recovered",
                 begun.elapsed().as_secs_f64(),

@@ -1,6 +1,6 @@
 //! The table at the end.
 
-use super::growth::describe_growth;
+use super::growth::describe_growth_beyond_allowance;
 use super::ledger::FaultLedger;
 use super::tally::Tally;
 use crate::daemon::MemoryThreadsAndHandles;
@@ -64,8 +64,8 @@ impl Report {
     /// Losses of the board that were told too late, in words.
     fn describe_board_losses_told_late(&self) -> Option<String> {
         let losses = &self.ledger.losses;
-        let late = losses.count_longer_than(LOSS_TOLD_MS);
-        let longest = losses.longest_ms().filter(|_| late > 0)?;
+        let late = losses.count_missing_or_longer_than(LOSS_TOLD_MS);
+        let longest = losses.longest_counting_missing_as_infinite_ms().filter(|_| late > 0)?;
         let of = losses.len();
         Some(format!(
             "{late} of {of} losses of the board were reported after more than {LOSS_TOLD_MS} ms, the last after \
@@ -74,7 +74,7 @@ impl Report {
     }
 
     /// Touches that were not driven though they should have been, in words.
-    fn describe_missing_drives_and_excess_refusals(&self) -> Vec<String> {
+    fn describe_lack_of_driven_touches_or_arming_and_excess_refusals(&self) -> Vec<String> {
         let (tally, mut found) = (&self.tally, Vec::new());
         if tally.sent > 0 && tally.count_driven() == 0 {
             found.push("no touch was driven".into());
@@ -98,13 +98,13 @@ impl Report {
     }
 
     /// What the daemon takes more and more of, in words. One that has ended by itself takes nothing.
-    fn describe_growth(&self) -> Vec<String> {
+    fn describe_growth_beyond_allowance_before_kill_and_at_end(&self) -> Vec<String> {
         let mut grown = Vec::new();
         if let Some(takes) = self.before_kill {
-            grown.extend(describe_growth(self.at_start, takes, "before a kill"));
+            grown.extend(describe_growth_beyond_allowance(self.at_start, takes, "before a kill"));
         }
         if self.ended.is_none() {
-            grown.extend(describe_growth(self.at_start, self.at_end, "at the end"));
+            grown.extend(describe_growth_beyond_allowance(self.at_start, self.at_end, "at the end"));
         }
         grown
     }
@@ -119,11 +119,11 @@ impl Report {
         if self.tally.sent == 0 {
             wrong.push("no touch was sent".into());
         }
-        wrong.extend(self.describe_missing_drives_and_excess_refusals());
+        wrong.extend(self.describe_lack_of_driven_touches_or_arming_and_excess_refusals());
         wrong.extend(self.describe_latched_faults_exceeding_injected());
         wrong.extend(self.ledger.misses.iter().cloned());
         wrong.extend(self.describe_board_losses_told_late());
-        wrong.extend(self.describe_growth());
+        wrong.extend(self.describe_growth_beyond_allowance_before_kill_and_at_end());
         wrong.extend(self.ended.as_ref().map(|log| format!("the daemon has ended by itself; its log:\n{log}")));
         (!wrong.is_empty()).then(|| wrong.join("; "))
     }
@@ -136,7 +136,7 @@ impl Report {
             // Writing to a String cannot fail.
             let _ = writeln!(out, "{name:<34} {value}");
         };
-        let (tally, total) = (&self.tally, self.ledger.sum_counts());
+        let (tally, total) = (&self.tally, self.ledger.sum_counts_with_longest_times_over_kinds());
         let unsafe_states = self.describe_unsafe_states();
         row("seed, time", format!("{}, {:.1} s", self.seed, self.lasted.as_secs_f64()));
         row("touches sent", tally.sent.to_string());
@@ -231,7 +231,7 @@ pub mod tests {
     fn anything_lost_missed_or_unsafe_is_a_failure() {
         assert_eq!(make_report_without_failures().find_failures(), None);
         let mut lost = make_report_without_failures();
-        lost.tally.record_loss("one".into());
+        lost.tally.record_and_print_lost_touch("one".into());
         let mut missed = make_report_without_failures();
         missed.ledger.misses.push("one".into());
         let far = Report {

@@ -33,7 +33,7 @@ impl SlowClient {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Nothing, Self::HalfHeader, Self::HalfBody, Self::Unread];
 
-    const fn request_text(self) -> &'static str {
+    const fn incomplete_request_text_or_empty(self) -> &'static str {
         match self {
             Self::HalfHeader => "POST /v1/touch HTTP/1.1\r\nHost: loc",
             Self::HalfBody => {
@@ -59,8 +59,8 @@ pub enum SlowClientEnd {
 pub fn run_slow_client(state: &SoakState, serving: ServingDaemon, slow: SlowClient) -> SlowClientEnd {
     let begun = Instant::now();
     let ended = match slow {
-        SlowClient::Unread => is_unread_socket_ended_by_daemon(serving.address),
-        _ => is_half_request_ended_by_daemon(serving.address, slow),
+        SlowClient::Unread => is_live_socket_closed_by_daemon_after_leaving_it_unread(serving.address),
+        _ => is_connection_ended_by_daemon_after_sending_half_request(serving.address, slow),
     };
     match ended {
         _ if !state.is_current_daemon(serving) => SlowClientEnd::Unknown,
@@ -69,11 +69,11 @@ pub fn run_slow_client(state: &SoakState, serving: ServingDaemon, slow: SlowClie
     }
 }
 
-fn is_half_request_ended_by_daemon(address: SocketAddr, slow: SlowClient) -> bool {
+fn is_connection_ended_by_daemon_after_sending_half_request(address: SocketAddr, slow: SlowClient) -> bool {
     let connected = || -> std::io::Result<TcpStream> {
         let mut stream = connect_tcp(address)?;
         stream.set_read_timeout(Some(LONGEST))?;
-        stream.write_all(slow.request_text().as_bytes())?;
+        stream.write_all(slow.incomplete_request_text_or_empty().as_bytes())?;
         Ok(stream)
     };
     // Nobody is slow who does not get in.
@@ -90,8 +90,8 @@ fn is_half_request_ended_by_daemon(address: SocketAddr, slow: SlowClient) -> boo
     }
 }
 
-fn is_unread_socket_ended_by_daemon(address: SocketAddr) -> bool {
+fn is_live_socket_closed_by_daemon_after_leaving_it_unread(address: SocketAddr) -> bool {
     let Ok(mut live) = Live::open(address, "scene,state,plan,field") else { return false };
     std::thread::sleep(UNREAD);
-    live.is_closed_by_daemon(QUIET, MOST_LEFT)
+    live.is_closed_by_daemon_reading_until_quiet(QUIET, MOST_LEFT)
 }

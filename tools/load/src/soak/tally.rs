@@ -90,7 +90,7 @@ impl Tally {
     }
 
     /// A touch was lost.
-    pub fn record_loss(&mut self, what: String) {
+    pub fn record_and_print_lost_touch(&mut self, what: String) {
         eprintln!("lost: {what}");
         self.lost += 1;
         if self.losses.len() < TOLD {

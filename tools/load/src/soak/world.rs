@@ -23,7 +23,7 @@ pub struct SoakState {
 
 impl SoakState {
     /// A daemon serves.
-    pub fn set_daemon(&self, address: SocketAddr) {
+    pub fn set_serving_daemon_incrementing_generation(&self, address: SocketAddr) {
         let mut serving = self.serving.write().unwrap_or_else(PoisonError::into_inner);
         self.generation.fetch_add(1, Ordering::SeqCst);
         *serving = Some(address);

@@ -46,7 +46,7 @@ pub fn try_package_in_chroot(root: &Path, package: &Path) -> Result<(), Error> {
         }
     }
     println!("installed: {}", capture_output(&mut chroot_command(&system, "era --version"))?);
-    check_daemon_serves_page(&system)?;
+    start_daemon_in_chroot_and_check_it_serves_page(&system)?;
     run_command(chroot_command(&system, "dpkg --purge era-haptics").stdout(Stdio::null()))?;
     match FILES.iter().find(|file| system.join(file.trim_start_matches('/')).exists()) {
         Some(file) => Err(Error::Package(format!("{file} is left after the package was removed"))),
@@ -79,7 +79,7 @@ fn chroot_command(system: &Path, command_line: &str) -> Command {
 }
 
 /// Starts the daemon with the simulated device, and gets its page.
-fn check_daemon_serves_page(system: &Path) -> Result<(), Error> {
+fn start_daemon_in_chroot_and_check_it_serves_page(system: &Path) -> Result<(), Error> {
     let free = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
     let address = free.map_err(|error| Error::Package(format!("no free port: {error}")))?;
     let mut serve = chroot_command(system, &format!("era serve --listen {address} --socket none --device sim"));

@@ -6,7 +6,7 @@ mod package;
 
 use crate::error::{Error, file_error};
 use crate::process::{capture_output, run_command};
-use crate::release_build::build_programs;
+use crate::release_build::build_release_programs_by_package_and_binary_name;
 use crate::{dependencies, image, python, repository_root, setup};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -32,7 +32,7 @@ pub fn make_release(options: &Options) -> Result<(), Error> {
     let root = repository_root()?;
     let out = root.join("target/dist");
     clear_folder(&out)?;
-    build_programs(&root, &[("era-host", "era")])?;
+    build_release_programs_by_package_and_binary_name(&root, &[("era-host", "era")])?;
     let manual = build_manual(&root, &out)?;
     let package = package::build_package(&root, &out, &manual)?;
     copy_into_folder(&python::build_wheel(&root)?, &out)?;

@@ -68,7 +68,7 @@ struct Target {
 ///
 /// # Errors
 /// [`Error::Circles`] if there is one; [`Error::FolderOrder`]; what cannot be read.
-pub fn survey_crates_failing_on_import_cycles() -> Result<(), Error> {
+pub fn survey_crates_failing_on_import_cycles_or_folder_order() -> Result<(), Error> {
     let (mut circles, mut breaches) = (0, Vec::new());
     for (name, survey) in survey_each_crate(&repository_root()?)? {
         print!("{}", describe_survey_findings_if_any(&name, &survey));

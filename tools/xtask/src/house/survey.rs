@@ -61,7 +61,7 @@ fn find_file_imports_outside_own_ancestry<'a>(
         for (from, module) in tree.modules.iter().enumerate().filter(|(_, module)| !is_importer_left_out(module.file)) {
             for to in module.code.named.iter().flat_map(|path| tree.find_declaring_and_reexporting_modules(from, path))
             {
-                if !tree.is_one_ancestor_of_other(tree.find_top_module_of_file(from), to) {
+                if !tree.are_modules_same_or_one_ancestor_of_other(tree.find_top_module_of_file(from), to) {
                     imports.insert((module.file, tree.modules[to].file));
                 }
             }

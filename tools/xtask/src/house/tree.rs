@@ -43,13 +43,19 @@ impl<'a> ModuleTree<'a> {
     pub fn new(sources: &'a Sources, root: &Path) -> Self {
         let mut tree = Self::default();
         if let Some((file, code)) = sources.get_key_value(root) {
-            tree.add_module(sources, (file, code), None, None, root.parent().unwrap_or(Path::new("")));
+            tree.add_module_and_its_children_returning_index(
+                sources,
+                (file, code),
+                None,
+                None,
+                root.parent().unwrap_or(Path::new("")),
+            );
         }
         tree
     }
 
     /// Adds a module and all below it, whose files are in `folder`.
-    fn add_module(
+    fn add_module_and_its_children_returning_index(
         &mut self,
         sources: &'a Sources,
         (file, code): (&'a Path, &'a ModuleCode),
@@ -61,19 +67,23 @@ impl<'a> ModuleTree<'a> {
         let home = home.unwrap_or(own);
         self.modules.push(Module { file, code, home, parent, children: BTreeMap::new() });
         for child in &code.children {
-            let added = match (&child.body, find_module_file(sources, child, file, folder)) {
-                (Some(body), _) => {
-                    self.add_module(sources, (file, body), Some(home), Some(own), &folder.join(&child.name))
-                }
-                (None, Some((file, code, folder))) if !child.is_test => {
-                    self.add_module(sources, (file, code), None, Some(own), &folder)
-                }
-                (None, Some((file, code, folder))) => {
-                    self.record_test_file_and_its_children(sources, (file, code), &folder);
-                    continue;
-                }
-                (None, None) => continue,
-            };
+            let added =
+                match (&child.body, find_module_file_its_code_and_folder_of_children(sources, child, file, folder)) {
+                    (Some(body), _) => self.add_module_and_its_children_returning_index(
+                        sources,
+                        (file, body),
+                        Some(home),
+                        Some(own),
+                        &folder.join(&child.name),
+                    ),
+                    (None, Some((file, code, folder))) if !child.is_test => self
+                        .add_module_and_its_children_returning_index(sources, (file, code), None, Some(own), &folder),
+                    (None, Some((file, code, folder))) => {
+                        self.record_test_file_and_its_children(sources, (file, code), &folder);
+                        continue;
+                    }
+                    (None, None) => continue,
+                };
             self.modules[own].children.insert(&child.name, added);
         }
         own
@@ -87,14 +97,16 @@ impl<'a> ModuleTree<'a> {
     ) {
         self.test_files.insert(file);
         for child in &code.children {
-            if let Some((file, code, folder)) = find_module_file(sources, child, file, folder) {
+            if let Some((file, code, folder)) =
+                find_module_file_its_code_and_folder_of_children(sources, child, file, folder)
+            {
                 self.record_test_file_and_its_children(sources, (file, code), &folder);
             }
         }
     }
 
     /// Whether one of two modules is above the other, or both are the same.
-    pub fn is_one_ancestor_of_other(&self, one: usize, other: usize) -> bool {
+    pub fn are_modules_same_or_one_ancestor_of_other(&self, one: usize, other: usize) -> bool {
         self.is_same_or_ancestor(one, other) || self.is_same_or_ancestor(other, one)
     }
 
@@ -119,7 +131,7 @@ impl<'a> ModuleTree<'a> {
 }
 
 /// The file of a module, its code, and the folder of the modules in it.
-fn find_module_file<'a>(
+fn find_module_file_its_code_and_folder_of_children<'a>(
     sources: &'a Sources,
     child: &Child,
     parent: &Path,

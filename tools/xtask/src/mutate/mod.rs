@@ -30,7 +30,7 @@ pub struct Options {
 
 impl Options {
     /// The mistakes that a run of all tests plants.
-    pub const fn some(count: usize) -> Self {
+    pub const fn for_sample_of_shared_crate_mutations(count: usize) -> Self {
         Self { only: None, some: Some(count) }
     }
 }
@@ -152,11 +152,12 @@ fn with_mistake<T>(tree: &Path, mutation: &Mutation, work: impl FnOnce() -> Resu
 fn find_what_detects_mutation(bench: &mut Workbench, mutation: &Mutation) -> Result<MutationOutcome, Error> {
     if mutation.file.starts_with("shared/") {
         if !bench.are_tests_sound {
-            expect_sound("the tests of shared/", run_shared_tests(bench, NO_LIMIT)?)?;
+            expect_sound("the tests of shared/", run_tests_of_shared_crate_with_time_limit(bench, NO_LIMIT)?)?;
             bench.are_tests_sound = true;
         }
-        let verdict = with_mistake(&bench.tree, mutation, || run_shared_tests(bench, TEST_LIMIT_S))?;
-        let outcome = judge_verdict(verdict)?;
+        let verdict =
+            with_mistake(&bench.tree, mutation, || run_tests_of_shared_crate_with_time_limit(bench, TEST_LIMIT_S))?;
+        let outcome = convert_verdict_to_outcome_failing_if_not_compiled(verdict)?;
         if !matches!(outcome, MutationOutcome::Survived) {
             return Ok(outcome);
         }
@@ -165,7 +166,9 @@ fn find_what_detects_mutation(bench: &mut Workbench, mutation: &Mutation) -> Res
         expect_sound("the report of the emulated board", build_image_and_run_report(bench)?)?;
         bench.is_report_sound = true;
     }
-    judge_verdict(with_mistake(&bench.tree, mutation, || build_image_and_run_report(bench))?)
+    convert_verdict_to_outcome_failing_if_not_compiled(with_mistake(&bench.tree, mutation, || {
+        build_image_and_run_report(bench)
+    })?)
 }
 
 /// A tree that fails by itself would detect everything.
@@ -178,7 +181,7 @@ fn expect_sound(what: &'static str, verdict: TreeVerdict) -> Result<(), Error> {
 }
 
 /// What a verdict on the tree with a mistake means: only what has a name has detected it.
-fn judge_verdict(verdict: TreeVerdict) -> Result<MutationOutcome, Error> {
+fn convert_verdict_to_outcome_failing_if_not_compiled(verdict: TreeVerdict) -> Result<MutationOutcome, Error> {
     match verdict {
         TreeVerdict::Sound => Ok(MutationOutcome::Survived),
         TreeVerdict::NotCompiled(reason) => {
@@ -191,19 +194,19 @@ fn judge_verdict(verdict: TreeVerdict) -> Result<MutationOutcome, Error> {
     }
 }
 
-fn run_shared_tests(bench: &Workbench, limit_s: &str) -> Result<TreeVerdict, Error> {
-    let (works, output) = run_and_read(
+fn run_tests_of_shared_crate_with_time_limit(bench: &Workbench, limit_s: &str) -> Result<TreeVerdict, Error> {
+    let (works, output) = run_command_and_get_success_and_all_output(
         // A mistake can make a test run for ever. Sound, all of them take seconds once they are compiled.
         Command::new("timeout")
             .current_dir(&bench.tree)
             .args([limit_s, "cargo", "test", "--manifest-path", "shared/Cargo.toml", "--no-fail-fast", "--target-dir"])
             .arg(bench.root.join("target/mutate/shared")),
     )?;
-    Ok(if works { TreeVerdict::Sound } else { read_failed_tests(&output) })
+    Ok(if works { TreeVerdict::Sound } else { parse_verdict_of_failed_test_run(&output) })
 }
 
 /// What cargo's tests said when they did not succeed.
-fn read_failed_tests(output: &str) -> TreeVerdict {
+fn parse_verdict_of_failed_test_run(output: &str) -> TreeVerdict {
     if !output.contains("test result:") {
         return TreeVerdict::NotCompiled(find_first_error(output));
     }
@@ -218,7 +221,7 @@ fn read_failed_tests(output: &str) -> TreeVerdict {
 
 fn build_image_and_run_report(bench: &Workbench) -> Result<TreeVerdict, Error> {
     let target = bench.root.join("target/mutate/firmware");
-    let (works, output) = run_and_read(
+    let (works, output) = run_command_and_get_success_and_all_output(
         Command::new("cargo")
             .current_dir(bench.tree.join("firmware"))
             .args(["build", "--release", "--locked", "--target", "thumbv7em-none-eabihf", "--target-dir"])
@@ -229,15 +232,18 @@ fn build_image_and_run_report(bench: &Workbench) -> Result<TreeVerdict, Error> {
     }
     let own = std::env::current_exe().map_err(file_error("cannot find", Path::new("this program")))?;
     let image: PathBuf = target.join("thumbv7em-none-eabihf/release/era-firmware");
-    let (works, output) =
-        run_and_read(Command::new(own).args(["emulate", "--report", "--first-wrong", "--image"]).arg(&image))?;
+    let (works, output) = run_command_and_get_success_and_all_output(
+        Command::new(own).args(["emulate", "--report", "--first-wrong", "--image"]).arg(&image),
+    )?;
     if !works {
         let rows = output.lines().filter_map(|line| line.strip_prefix("wrong: ")).map(|row| format!("report: {row}"));
         return Ok(TreeVerdict::Failed(rows.collect()));
     }
     // Pins, registers and pulses against the manufacturer's data, which share nothing with the report.
     let launch = bench.tree.join("tools/emulator/launch.py");
-    let (works, output) = run_and_read(Command::new("python3").arg(launch).args(["--self-test", "--elf"]).arg(&image))?;
+    let (works, output) = run_command_and_get_success_and_all_output(
+        Command::new("python3").arg(launch).args(["--self-test", "--elf"]).arg(&image),
+    )?;
     Ok(if works { TreeVerdict::Sound } else { TreeVerdict::Failed(list_failed_python_tests(&output)) })
 }
 
@@ -254,7 +260,7 @@ fn find_first_error(output: &str) -> String {
 }
 
 /// Whether a command succeeds, and all that it writes.
-fn run_and_read(command: &mut Command) -> Result<(bool, String), Error> {
+fn run_command_and_get_success_and_all_output(command: &mut Command) -> Result<(bool, String), Error> {
     let output =
         command.output().map_err(|source| Error::Start { command: crate::process::format_command(command), source })?;
     let text = [output.stdout, output.stderr].concat();
@@ -279,19 +285,33 @@ mod tests {
     /// A run that ends in an error proves nothing, unless it names a test.
     #[test]
     fn only_a_named_test_detects_a_mistake() {
-        let verdict =
-            read_failed_tests("test one ... ok\ntest two ... FAILED\ntest result: FAILED. 1 passed; 1 failed");
-        let outcome = judge_verdict(verdict).expect("it is judged");
+        let verdict = parse_verdict_of_failed_test_run(
+            "test one ... ok\ntest two ... FAILED\ntest result: FAILED. 1 passed; 1 failed",
+        );
+        let outcome = convert_verdict_to_outcome_failing_if_not_compiled(verdict).expect("it is judged");
         assert!(matches!(outcome, MutationOutcome::Detected(names) if names == ["two"]));
-        assert!(matches!(judge_verdict(TreeVerdict::Sound), Ok(MutationOutcome::Survived)));
-        let verdict = read_failed_tests("error[E0425]: cannot find `x`\nerror: could not compile");
-        let Err(Error::Unjudged(reason)) = judge_verdict(verdict) else { panic!("the compiler was not to find it") };
+        assert!(matches!(
+            convert_verdict_to_outcome_failing_if_not_compiled(TreeVerdict::Sound),
+            Ok(MutationOutcome::Survived)
+        ));
+        let verdict = parse_verdict_of_failed_test_run("error[E0425]: cannot find `x`\nerror: could not compile");
+        let Err(Error::Unjudged(reason)) = convert_verdict_to_outcome_failing_if_not_compiled(verdict) else {
+            panic!("the compiler was not to find it")
+        };
         assert!(reason.ends_with("error[E0425]: cannot find `x`"), "{reason}");
         // A report that cannot start, and a test program that crashes.
-        assert!(matches!(judge_verdict(TreeVerdict::Failed(Vec::new())), Err(Error::Unjudged(_))));
+        assert!(matches!(
+            convert_verdict_to_outcome_failing_if_not_compiled(TreeVerdict::Failed(Vec::new())),
+            Err(Error::Unjudged(_))
+        ));
         let crash = "test result: ok. 3 passed\nerror: test failed, to rerun pass `--test link` (signal: 11)";
-        assert!(matches!(judge_verdict(read_failed_tests(crash)), Err(Error::Unjudged(_))));
-        let Ok(MutationOutcome::Detected(names)) = judge_verdict(read_failed_tests("test result: ok. 3 passed")) else {
+        assert!(matches!(
+            convert_verdict_to_outcome_failing_if_not_compiled(parse_verdict_of_failed_test_run(crash)),
+            Err(Error::Unjudged(_))
+        ));
+        let Ok(MutationOutcome::Detected(names)) = convert_verdict_to_outcome_failing_if_not_compiled(
+            parse_verdict_of_failed_test_run("test result: ok. 3 passed"),
+        ) else {
             panic!("a run that was ended by its time limit is detected")
         };
         assert!(names[0].contains("does not end"), "{names:?}");

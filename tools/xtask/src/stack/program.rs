@@ -1,7 +1,7 @@
 //! What an image's functions take of the stack, and what they call, read from the code that would be flashed.
 
 use super::StackError;
-use super::thumb::{Effect, decode_effect, instruction_bytes};
+use super::thumb::{Effect, decode_effect, instruction_length_bytes};
 use object::read::elf::ElfFile32;
 use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 use std::collections::{BTreeMap, BTreeSet};
@@ -120,7 +120,10 @@ impl Program {
                     && let (Some(first), Some(second)) =
                         (image.read_half_word(address), image.read_half_word(address + 2))
                 {
-                    self.note_function_as_address_taken(function_starts, u32::from(second) << 16 | u32::from(first));
+                    self.note_address_taken_if_value_points_to_function(
+                        function_starts,
+                        u32::from(second) << 16 | u32::from(first),
+                    );
                 }
                 address += 2;
                 continue;
@@ -151,14 +154,14 @@ impl Program {
                 Effect::GoIndirect => function.calls_indirectly = true,
                 Effect::Low { register, value } => drop(low.insert(register, value)),
                 Effect::High { register, value } => {
-                    self.note_function_as_address_taken(
+                    self.note_address_taken_if_value_points_to_function(
                         function_starts,
                         value << 16 | low.get(&register).copied().unwrap_or(0),
                     );
                 }
                 Effect::Unclear => return Err(unclear(address)),
             }
-            address += instruction_bytes(first);
+            address += instruction_length_bytes(first);
         }
         function.names = names;
         self.functions.push(function);
@@ -166,7 +169,7 @@ impl Program {
     }
 
     /// Notes that the address of a function was seen, which has its lowest bit set for Thumb code.
-    fn note_function_as_address_taken(&mut self, function_starts: &[u32], value: u32) {
+    fn note_address_taken_if_value_points_to_function(&mut self, function_starts: &[u32], value: u32) {
         if value & 1 == 1
             && let Ok(position) = function_starts.binary_search(&(value & !1))
         {
@@ -188,7 +191,7 @@ impl Program {
             for (number, word) in section.data()?.chunks_exact(4).enumerate() {
                 let word = word.iter().rev().fold(0_u32, |sum, byte| sum << 8 | u32::from(*byte));
                 if name != ".vector_table" {
-                    self.note_function_as_address_taken(function_starts, word);
+                    self.note_address_taken_if_value_points_to_function(function_starts, word);
                 } else if number > 0
                     && let Ok(position) = function_starts.binary_search(&(word & !1))
                 {

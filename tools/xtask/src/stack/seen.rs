@@ -106,7 +106,7 @@ fn send_all_requests_returning_names(bridge: &mut Bridge) -> Result<BTreeSet<&'s
             },
         )?;
     }
-    ask(bridge, &Request::PlayWindows(windows()))?;
+    ask(bridge, &Request::PlayWindows(make_longest_window_sequence_on_all_channels()))?;
     ask(bridge, &Request::KeepAlive)?;
     for question in &questions {
         ask(bridge, question)?;
@@ -180,7 +180,7 @@ const fn make_drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {
 }
 
 /// As many windows as there can be, on all channels, 1 ms each.
-fn windows() -> WindowSequence {
+fn make_longest_window_sequence_on_all_channels() -> WindowSequence {
     let window = |channel| SequenceWindow { channel, electrode: Electrode::A, wait_ticks: 40_000, width_ticks: 10_000 };
     let windows = (0_u8..4).cycle().take(MAX_WINDOWS).map(window).collect();
     WindowSequence { number: 100, start_us: 0, rail_millivolts: [200_000; 2], windows }

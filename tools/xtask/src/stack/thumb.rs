@@ -44,14 +44,14 @@ const LR: u32 = 14;
 const PC: u32 = 15;
 
 /// Length in bytes of the instruction that begins with this half-word.
-pub const fn instruction_bytes(first: u16) -> u32 {
+pub const fn instruction_length_bytes(first: u16) -> u32 {
     if first >> 11 >= 0b11101 { 4 } else { 2 }
 }
 
 /// What the instruction at `address` does; `second` counts only if it is a long one.
 pub fn decode_effect(address: u32, first: u16, second: u16) -> Effect {
     let (first, second) = (u32::from(first), u32::from(second));
-    if instruction_bytes(first as u16) == 2 {
+    if instruction_length_bytes(first as u16) == 2 {
         decode_short_instruction(address, first)
     } else {
         decode_long_instruction(address, first, second)
@@ -74,8 +74,8 @@ fn decode_short_instruction(address: u32, code: u32) -> Effect {
         // MOV pc, Rm
         _ if code & 0xFF87 == 0x4687 => Effect::GoIndirect,
         // B<c> and B; conditions 14 and 15 are other instructions.
-        0xD000..=0xDDFF => Effect::Go(relative_address(address, sign_extend(code & 0xFF, 8) << 1)),
-        0xE000..=0xE7FF => Effect::Go(relative_address(address, sign_extend(code & 0x7FF, 11) << 1)),
+        0xD000..=0xDDFF => Effect::Go(target_of_pc_relative_branch(address, sign_extend(code & 0xFF, 8) << 1)),
+        0xE000..=0xE7FF => Effect::Go(target_of_pc_relative_branch(address, sign_extend(code & 0x7FF, 11) << 1)),
         _ => Effect::None,
     }
 }
@@ -121,11 +121,11 @@ fn decode_long_branch(address: u32, first: u32, second: u32) -> Effect {
         // B.W and BL: S, I1, I2, imm10, imm11 with I = not (J xor S).
         let (i1, i2) = (!(j1 ^ sign) & 1, !(j2 ^ sign) & 1);
         let bits = sign << 23 | i1 << 22 | i2 << 21 | (first & 0x3FF) << 11 | second & 0x7FF;
-        return Effect::Go(relative_address(address, sign_extend(bits, 24) << 1));
+        return Effect::Go(target_of_pc_relative_branch(address, sign_extend(bits, 24) << 1));
     }
     if second & 0xD000 == 0x8000 && first >> 6 & 0xF < 14 {
         let bits = sign << 19 | j2 << 18 | j1 << 17 | (first & 0x3F) << 11 | second & 0x7FF;
-        return Effect::Go(relative_address(address, sign_extend(bits, 20) << 1));
+        return Effect::Go(target_of_pc_relative_branch(address, sign_extend(bits, 20) << 1));
     }
     // Barriers, hints and other special registers share the rest.
     Effect::None
@@ -149,7 +149,7 @@ const fn sign_extend(value: u32, bits: u32) -> u32 {
 }
 
 /// The program counter reads as the address of the instruction plus 4.
-const fn relative_address(address: u32, offset: u32) -> u32 {
+const fn target_of_pc_relative_branch(address: u32, offset: u32) -> u32 {
     address.wrapping_add(4).wrapping_add(offset)
 }
 

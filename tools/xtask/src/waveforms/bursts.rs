@@ -172,7 +172,7 @@ impl BurstRun<'_> {
     }
 
     /// Plays one sequence and adds what the pins did to the tally.
-    fn play_and_compare(&mut self, tally: &mut BurstTally) {
+    fn play_random_sequence_and_count_differences(&mut self, tally: &mut BurstTally) {
         if self.random.bool() {
             self.begin_random_drives();
         }
@@ -216,7 +216,7 @@ impl BurstRun<'_> {
 }
 
 /// Random sequences, on timers that drive something or rest.
-pub fn check_random_bursts(limits: &ChannelLimits, count: u64, seed: u64) -> BurstTally {
+pub fn check_random_window_sequences(limits: &ChannelLimits, count: u64, seed: u64) -> BurstTally {
     let mut tally = BurstTally::default();
     let mut random = Rng::with_seed(seed);
     while tally.sequences < count {
@@ -231,7 +231,7 @@ pub fn check_random_bursts(limits: &ChannelLimits, count: u64, seed: u64) -> Bur
             is_wrong: false,
         };
         for _ in 0..SEQUENCES.min(count - tally.sequences) {
-            run.play_and_compare(&mut tally);
+            run.play_random_sequence_and_count_differences(&mut tally);
         }
     }
     tally
@@ -286,7 +286,7 @@ mod tests {
 
     #[test]
     fn sequences_are_played_to_the_clock() {
-        let tally = check_random_bursts(&ChannelLimits::BOARD, 200, 3);
+        let tally = check_random_window_sequences(&ChannelLimits::BOARD, 200, 3);
         assert!(tally.is_good() && tally.sequences == 200 && tally.windows > 1_000, "{tally:?}");
     }
 }

@@ -117,7 +117,11 @@ impl TimerRun<'_> {
 }
 
 /// Random drives after each other.
-pub fn check_random_changes(limits: &ChannelLimits, drive_count: u64, seed: u64) -> ChangeTally {
+pub fn check_random_drive_changes_on_running_timers(
+    limits: &ChannelLimits,
+    drive_count: u64,
+    seed: u64,
+) -> ChangeTally {
     let mut tally = ChangeTally::default();
     let mut random = Rng::with_seed(seed);
     while tally.drives < drive_count {
@@ -129,12 +133,12 @@ pub fn check_random_changes(limits: &ChannelLimits, drive_count: u64, seed: u64)
             now_us: 777,
             missed: false,
         };
-        check_random_session(run, drive_count - tally.drives, &mut tally);
+        check_random_drive_changes_on_one_set_of_timers(run, drive_count - tally.drives, &mut tally);
     }
     tally
 }
 
-fn check_random_session(mut run: TimerRun<'_>, max_drives: u64, tally: &mut ChangeTally) {
+fn check_random_drive_changes_on_one_set_of_timers(mut run: TimerRun<'_>, max_drives: u64, tally: &mut ChangeTally) {
     let limit_clocks = u64::from(run.limits.min_guard_ns) * u64::from(run.limits.timer_clock_hz) / 1_000_000_000;
     let mut narrowest = u64::MAX;
     let mut set = 0;

@@ -147,7 +147,8 @@ pub fn check_boundary_drives(limits: &ChannelLimits) -> DriveTally {
             voltage_millivolts: limits.max_voltage_millivolts,
         };
         for (index, phase_microturns) in PHASES.into_iter().enumerate() {
-            for width in list_boundary_widths_ppm(limits, frequency_millihertz) {
+            for width in list_pulse_widths_at_and_beyond_both_limits_and_at_two_thirds_ppm(limits, frequency_millihertz)
+            {
                 tally.check_drive(limits, &drive(width, phase_microturns), OUTPUTS[index % OUTPUTS.len()]);
             }
         }
@@ -156,7 +157,10 @@ pub fn check_boundary_drives(limits: &ChannelLimits) -> DriveTally {
 }
 
 /// The narrowest and the widest pulse that a frequency allows, what lies just beyond both, and the one without a third harmonic.
-fn list_boundary_widths_ppm(limits: &ChannelLimits, frequency_millihertz: u32) -> [u32; 5] {
+fn list_pulse_widths_at_and_beyond_both_limits_and_at_two_thirds_ppm(
+    limits: &ChannelLimits,
+    frequency_millihertz: u32,
+) -> [u32; 5] {
     use era_shared::waveform::DriveError;
     let refused = |pulse_width_ppm| {
         let drive = ChannelDrive {

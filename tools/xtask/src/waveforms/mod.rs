@@ -63,8 +63,8 @@ pub fn check_waveforms(options: &Options) -> Result<(), Error> {
                 scope.spawn(move || {
                     (
                         drives::check_random_drives(&limits, some_drives, seed),
-                        changes::check_random_changes(&limits, some_changes, seed),
-                        bursts::check_random_bursts(&limits, some_bursts, seed),
+                        changes::check_random_drive_changes_on_running_timers(&limits, some_changes, seed),
+                        bursts::check_random_window_sequences(&limits, some_bursts, seed),
                     )
                 })
             })

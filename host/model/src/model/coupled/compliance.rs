@@ -13,7 +13,7 @@
 //! misses right at a point force is extrapolated from two orders; of what holds a plate as well, but not between that and the pressed point. A
 //! force f where the mesh misses m f is in doubt by as much, and forces at several places together by no more than (sum of f sqrt(m))^2: the bound.
 
-use super::{BarePanel, LoadShapes, find_load_index_of_vector, multiply_row_with_column};
+use super::{BarePanel, LoadShapes, find_index_of_load_with_same_surface_entries, multiply_row_with_column};
 use crate::model::ModelError;
 use crate::model::assembly::AttachedVectors;
 use crate::model::eigen::DenseEigenpairs;
@@ -78,7 +78,7 @@ impl BarePanel {
         for attachment in
             attached.attachments.iter().filter(|own| own.vector.iter().all(|(unknown, _)| *unknown < free))
         {
-            if let Some(k) = find_load_index_of_vector(&all, &attachment.vector, free) {
+            if let Some(k) = find_index_of_load_with_same_surface_entries(&all, &attachment.vector, free) {
                 stiffness[k] += attachment.stiffness;
             }
         }

@@ -171,7 +171,10 @@ impl<'a> BranchAndBound<'a> {
 
     /// The value up to which a bound excludes a subproblem: the best known value plus the tolerance.
     fn pruning_threshold(&self) -> f64 {
-        let worth = self.best.as_ref().map_or(f64::NEG_INFINITY, |(_, best)| self.kind.objective_value(best));
+        let worth = self
+            .best
+            .as_ref()
+            .map_or(f64::NEG_INFINITY, |(_, best)| self.kind.value_to_maximise_or_minus_infinity_if_wishes_unmet(best));
         match self.kind {
             _ if !worth.is_finite() => worth,
             SearchGoal::Reach => worth + AS_GOOD * worth + NO_PART,
@@ -242,7 +245,7 @@ impl<'a> BranchAndBound<'a> {
             if self.is_step_budget_spent() {
                 return part.bound;
             }
-            for mut half in split_subproblem_by_frequency(part) {
+            for mut half in split_candidate_frequencies_of_most_mixed_actuator(part) {
                 if half.space.count_combinations() <= FEW {
                     self.evaluate_every_combination_of_region(&half.space);
                 } else if self.tighten_bound_and_can_still_improve(&mut half, PART_ROUNDS, 0) {
@@ -442,7 +445,7 @@ impl<'a> BranchAndBound<'a> {
 }
 
 /// Splits a subproblem in two between frequencies that one actuator has in its best mixture.
-fn split_subproblem_by_frequency(subproblem: Subproblem) -> [Subproblem; 2] {
+fn split_candidate_frequencies_of_most_mixed_actuator(subproblem: Subproblem) -> [Subproblem; 2] {
     let mut most = (0.0, 0, 0);
     let mut longest = 0;
     for (i, list) in subproblem.space.lists.iter().enumerate() {

@@ -151,7 +151,7 @@ impl Barrier {
     fn objective_without_barrier(&self, v: &Phasors) -> f64 {
         match self.objective {
             Objective::LeastEnergy => self.program.energy_of_phasors(v),
-            Objective::MostPeak => -self.program.real_peak_of_phasors(v),
+            Objective::MostPeak => -self.program.real_part_of_peak_at_target(v),
         }
     }
 
@@ -167,7 +167,7 @@ impl Barrier {
             add(one_minus_squared_magnitude(multiply_row_by_phasors(row, v)));
         }
         if self.objective == Objective::LeastEnergy {
-            add(self.program.real_peak_of_phasors(v) - 1.0);
+            add(self.program.real_part_of_peak_at_target(v) - 1.0);
         }
         if inside { weight * self.objective_without_barrier(v) - logs } else { f64::INFINITY }
     }
@@ -220,7 +220,7 @@ impl Barrier {
         // Weight of the energy, pull towards the peak, and how the pull changes with it.
         let (energy_weight, pull, stiffness) = match self.objective {
             Objective::LeastEnergy => {
-                let pull = (program.real_peak_of_phasors(point) - 1.0).recip();
+                let pull = (program.real_part_of_peak_at_target(point) - 1.0).recip();
                 (weight, pull, pull * pull)
             }
             Objective::MostPeak => (0.0, weight, 0.0),
@@ -284,8 +284,8 @@ impl Barrier {
         let moved = self.point_after_step(&[ZERO; MAX_ACTUATORS], unapplied_step, 1.0);
         let (of_peak, demanded, energy_weight) = match self.objective {
             Objective::LeastEnergy => {
-                let slack = program.real_peak_of_phasors(point) - 1.0;
-                let of_peak = ((1.0 - program.real_peak_of_phasors(&moved) / slack) / (weight * slack)).max(0.0);
+                let slack = program.real_part_of_peak_at_target(point) - 1.0;
+                let of_peak = ((1.0 - program.real_part_of_peak_at_target(&moved) / slack) / (weight * slack)).max(0.0);
                 (of_peak, of_peak, 1.0)
             }
             Objective::MostPeak => (1.0, 0.0, 0.0),

@@ -24,9 +24,9 @@ pub(super) struct Optimum {
 }
 
 /// Least energy for a peak of 1 if no limit binds.
-pub(super) fn find_least_energy_if_no_limit_binds(program: &Program) -> Option<Optimum> {
+pub(super) fn find_least_energy_for_unit_peak_if_no_limit_binds(program: &Program) -> Option<Optimum> {
     let direction = program.optimal_direction_without_limits();
-    let scale = program.real_peak_of_phasors(&direction).recip();
+    let scale = program.real_part_of_peak_at_target(&direction).recip();
     let x = direction.map(|x| x * scale);
     (scale.is_finite() && program.is_within_force_and_travel_limits(&x)).then_some(Optimum {
         x,
@@ -48,7 +48,7 @@ pub(super) fn minimise_energy_for_unit_peak_if_reachable_below_cost_limit(
         solve_by_barrier(program, Objective::MostPeak, &[ZERO; MAX_ACTUATORS], PEAK_TOLERANCE, |value, bound| {
             -bound <= 1.0 || -value - 1.0 > INSIDE * (-bound - 1.0)
         });
-    if program.real_peak_of_phasors(&inside.x) <= 1.0 {
+    if program.real_part_of_peak_at_target(&inside.x) <= 1.0 {
         return None;
     }
     let solution =
@@ -57,7 +57,7 @@ pub(super) fn minimise_energy_for_unit_peak_if_reachable_below_cost_limit(
         return None;
     }
     // The point is inside: a peak above 1 is brought back to it.
-    let scale = program.real_peak_of_phasors(&solution.x).recip();
+    let scale = program.real_part_of_peak_at_target(&solution.x).recip();
     let x = solution.x.map(|x| x * scale);
     Some(Optimum { x, cost: program.energy_of_phasors(&x), bound: solution.bound })
 }
@@ -74,5 +74,5 @@ pub(super) fn maximise_peak_until_proven_no_better_than_known(program: &Program,
         solve_by_barrier(program, Objective::MostPeak, &[ZERO; MAX_ACTUATORS], PEAK_TOLERANCE, |_, bound| {
             bound >= cost_limit
         });
-    Optimum { x: solution.x, cost: -program.real_peak_of_phasors(&solution.x), bound: solution.bound }
+    Optimum { x: solution.x, cost: -program.real_part_of_peak_at_target(&solution.x), bound: solution.bound }
 }

@@ -59,7 +59,7 @@ impl Program {
     }
 
     /// Re(sum gain_i x_i).
-    pub(super) fn real_peak_of_phasors(&self, x: &Phasors) -> f64 {
+    pub(super) fn real_part_of_peak_at_target(&self, x: &Phasors) -> f64 {
         self.drivable_actuators().map(|i| (self.gain[i] * x[i]).re).sum()
     }
 

@@ -38,7 +38,10 @@ fn make_random_scene(random: &mut Random, actuators: usize) -> Scene {
 /// The field of a random touch on the scene.
 #[expect(clippy::cast_precision_loss, reason = "small counts")]
 fn make_random_touch_field(scene: &Scene, random: &mut Random, count: usize, most_force_n: f64) -> Owned {
-    let model: ReducedModel = PanelModel::build(scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
+    let model: ReducedModel = PanelModel::build(scene, Accuracy::FAST, 400.0)
+        .unwrap()
+        .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+        .unwrap();
     let mut place = || {
         let (x, y) = (random.draw_fraction() * scene.surface.length_m, random.draw_fraction() * scene.surface.width_m);
         model.shape_deflections_at(x, y)

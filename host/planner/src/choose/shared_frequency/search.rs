@@ -1,7 +1,7 @@
 //! The best frequency, proven.
 
 use super::optimum::{
-    Optimum, find_least_energy_if_no_limit_binds, maximise_peak_until_proven_no_better_than_known,
+    Optimum, find_least_energy_for_unit_peak_if_no_limit_binds, maximise_peak_until_proven_no_better_than_known,
     minimise_energy_for_unit_peak_if_reachable_below_cost_limit,
 };
 use super::program::{Program, ROUNDING, Units};
@@ -72,7 +72,7 @@ impl PhasorSearch<'_> {
         let bounds = (0..self.unlimited.len()).filter(reaches).map(|k| (bound(k), k)).collect();
         let best = find_cheapest_frequency_in_order_of_bounds(bounds, |k, limit, solved| {
             let program = self.build_program_at_frequency(k, units);
-            find_least_energy_if_no_limit_binds(&program).or_else(|| {
+            find_least_energy_for_unit_peak_if_no_limit_binds(&program).or_else(|| {
                 *solved += 1;
                 minimise_energy_for_unit_peak_if_reachable_below_cost_limit(&program, limit)
             })
@@ -121,7 +121,7 @@ impl PhasorSearch<'_> {
             frequency: k,
             forces_n,
             energy: (program.energy_of_phasors(x) * units.energy - ridge).max(0.0),
-            reached: program.real_peak_of_phasors(x) * units.peak,
+            reached: program.real_part_of_peak_at_target(x) * units.peak,
             proven_gap: best.gap,
             solved: best.solved,
         }

@@ -1,7 +1,7 @@
 //! Against exhaustive search, brute force over phasors and closed forms.
 
 use super::optimum::{
-    find_least_energy_if_no_limit_binds, maximise_peak_until_proven_no_better_than_known,
+    find_least_energy_for_unit_peak_if_no_limit_binds, maximise_peak_until_proven_no_better_than_known,
     minimise_energy_for_unit_peak_if_reachable_below_cost_limit,
 };
 use super::program::{Program, Units};
@@ -124,7 +124,7 @@ pub(super) fn find_least_energy_and_peak_exhaustively(field: &TargetField<'_>, w
     let programs = |peak: f64| all.iter().enumerate().map(move |(k, own)| Program::new(field, own, k, units(peak)));
     let least = |peak: f64| {
         let optima = programs(peak).filter_map(|p| {
-            find_least_energy_if_no_limit_binds(&p)
+            find_least_energy_for_unit_peak_if_no_limit_binds(&p)
                 .or_else(|| minimise_energy_for_unit_peak_if_reachable_below_cost_limit(&p, f64::INFINITY))
         });
         optima.map(|optimum| optimum.cost).reduce(f64::min).map(|cost| (cost * units(peak).energy, peak))

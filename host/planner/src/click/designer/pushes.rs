@@ -47,7 +47,11 @@ pub(super) struct SlotPush {
 impl ClickDesigner<'_> {
     /// Forces of slots in parts of each actuator's full one, and the peak as a part of what is asked for. They come from forces that are not
     /// much larger than needed, so that windows are wide.
-    pub(super) fn choose_pushes(&self, asked: f64, bounds: Option<MotionBounds>) -> Option<ChosenPushes> {
+    pub(super) fn choose_least_force_pushes_for_asked_or_largest_reachable_peak(
+        &self,
+        asked: f64,
+        bounds: Option<MotionBounds>,
+    ) -> Option<ChosenPushes> {
         let bounds = bounds?;
         // In m/s^2: a programme whose peak is small beside what is asked for has no digits left.
         let (_, strongest) =
@@ -197,14 +201,14 @@ impl ClickDesigner<'_> {
         let values: Vec<f64> = pushes.iter().map(|push| push.part).collect();
         let linear = ForceProgram { targets: self.targets.clone(), forces, bounds, asked, first };
         let subtract = |(target, felt): (&TargetResponses, &Vec<f64>)| -> Vec<f64> {
-            let motion = linear.acceleration_of_target_over_asked_peak(target, 0, &values);
+            let motion = linear.acceleration_of_target_divided_by_asked_peak(target, 0, &values);
             motion.into_iter().zip(felt).map(|(linear, felt)| felt - linear * asked).collect()
         };
         let besides: Vec<Vec<f64>> = self.targets.iter().zip(felt).map(subtract).collect();
         let targets =
             self.targets.iter().zip(&besides).map(|(own, besides)| TargetResponses { besides, ..*own }).collect();
         let program = ForceProgram { targets, ..linear };
-        let solved = program.find_forces_with_least_excess(peak)?;
+        let solved = program.find_forces_exceeding_bounds_least_at_peak_fraction(peak)?;
         let corrected =
             pushes.iter().zip(solved.values).map(|(push, part)| SlotPush { part: part.clamp(0.0, 1.0), ..*push });
         Some((corrected.collect(), solved.tight))

@@ -33,7 +33,11 @@ impl ClickDesigner<'_> {
 
     /// These voltages, but with each rail where it stands that stands not much higher than the pushes need; the same, if the supply's current is not
     /// enough for that.
-    pub(super) fn keep_standing_rails_if_high_enough(&self, pushes: &[SlotPush], rails: [f64; RAILS]) -> [f64; RAILS] {
+    pub(super) fn use_present_rail_voltages_where_suitable_else_given(
+        &self,
+        pushes: &[SlotPush],
+        rails: [f64; RAILS],
+    ) -> [f64; RAILS] {
         let kept: [f64; RAILS] = core::array::from_fn(|rail| {
             let (least_v, highest_v) = self.find_least_and_highest_voltage_of_rail_v(pushes, rail);
             let stands_v = self.options.standing_rails_v.get(rail).copied().unwrap_or(0.0);

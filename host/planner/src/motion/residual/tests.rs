@@ -62,7 +62,9 @@ fn drives(force_n: f64, frequency_hz: f64) -> Vec<Drive> {
 #[test]
 fn rails_that_are_up_make_the_difference_on_a_panel_at_rest() {
     let (residual, drives) = (residual(), drives(1.0, 100.0));
-    let room = |size: f64, board: RailState| residual.find_headroom(&motion(size, 100.0), Some(&drives), 0.0, board);
+    let room = |size: f64, board: RailState| {
+        residual.find_wait_and_force_fraction_within_travel_limits(&motion(size, 100.0), Some(&drives), 0.0, board)
+    };
     assert_eq!(room(1.0, RailState::Down), StartHeadroom::ALL);
     // It goes twice as far when it begins at once, and nothing that a wait could mend is left.
     assert_eq!(room(1.0, RailState::Up), StartHeadroom::without_wait(0.5 * (1.0 + LIMIT_TOLERANCE)));
@@ -89,7 +91,14 @@ fn a_touch_is_weaker_by_what_is_left_and_waits_where_that_doubles_it() {
     let expected = 0.6 * f64::exp(-10.0 * (5.3 - end_s)) + 0.3 * f64::exp(-40.0 * (5.3 - end_s));
     assert!((left(5.3) - expected).abs() < 1e-9, "{} {expected}", left(5.3));
     // 0.12 is left of the limit, and 0.8 is needed; 30 ms later more than twice as much.
-    let room = |now_s: f64| residual.find_headroom(&motion(0.4, 200.0), Some(&drives), now_s, RailState::Up);
+    let room = |now_s: f64| {
+        residual.find_wait_and_force_fraction_within_travel_limits(
+            &motion(0.4, 200.0),
+            Some(&drives),
+            now_s,
+            RailState::Up,
+        )
+    };
     assert!(
         (residual.max_force_fraction_that_fits_without_wait(&motion(0.4, 200.0), Some(&drives), 5.0, RailState::Up)
             - 0.12 / 0.8)
@@ -115,7 +124,8 @@ fn a_touch_is_weaker_by_what_is_left_and_waits_where_that_doubles_it() {
     );
     residual.record_end_of_drives_with_id(1, 4.99);
     let next = motion(0.4, 200.0);
-    let room = residual.find_headroom(&next, Some(&drives), 5.0, RailState::Driving);
+    let room =
+        residual.find_wait_and_force_fraction_within_travel_limits(&next, Some(&drives), 5.0, RailState::Driving);
     let now = residual.max_force_fraction_that_fits_without_wait(&next, Some(&drives), 5.0, RailState::Driving);
     assert!(
         room.force_fraction >= WORTH_WAITING * now && room.wait_s > 0.0 && room.wait_s <= LONGEST_WAIT_S,
@@ -123,12 +133,20 @@ fn a_touch_is_weaker_by_what_is_left_and_waits_where_that_doubles_it() {
     );
     residual.record_end_of_current_drives(5.0, Ending::AtItsBoundary);
     let then_s = 5.0 + room.wait_s;
-    let then = residual.find_headroom(&next, Some(&drives), then_s, RailState::Up);
+    let then = residual.find_wait_and_force_fraction_within_travel_limits(&next, Some(&drives), then_s, RailState::Up);
     assert!(
         (then.force_fraction - room.force_fraction).abs() < 1e-9 && then.wait_s < LONGEST_WAIT_S - room.wait_s + 1e-9,
         "{then:?}"
     );
-    assert_eq!(residual.find_headroom(&motion(0.01, 200.0), Some(&drives), 5.0, RailState::Up), StartHeadroom::ALL);
+    assert_eq!(
+        residual.find_wait_and_force_fraction_within_travel_limits(
+            &motion(0.01, 200.0),
+            Some(&drives),
+            5.0,
+            RailState::Up
+        ),
+        StartHeadroom::ALL
+    );
 }
 
 #[test]
@@ -259,7 +277,7 @@ fn drives_that_have_just_begun_go_on_for_a_moment() {
     );
     let next = (motion(1.0, 200.0), drives(1.0, 200.0));
     let room = |residual: &ResidualVibration, now_s: f64| {
-        residual.find_headroom(&next.0, Some(&next.1), now_s, RailState::Driving)
+        residual.find_wait_and_force_fraction_within_travel_limits(&next.0, Some(&next.1), now_s, RailState::Driving)
     };
     let found = room(&residual, 0.01);
     assert!(found.goes_on && (found.wait_s - (LONGEST_WAIT_S - 0.01)).abs() < 1e-9, "{found:?}");
@@ -308,7 +326,7 @@ proptest! {
         let (mut now_s, mut board) = (0.0, RailState::Down);
         for (id, (size, hz, hold_s, goes_on)) in (0..).zip(touches) {
             let whole = (motion(size, hz), drives(size, hz));
-            let room = residual.find_headroom(&whole.0, Some(&whole.1), now_s, board);
+            let room = residual.find_wait_and_force_fraction_within_travel_limits(&whole.0, Some(&whole.1), now_s, board);
             prop_assert!((0.0..=LONGEST_WAIT_S).contains(&room.wait_s) && (0.0..=1.0).contains(&room.force_fraction), "{room:?}");
             if room.goes_on {
                 now_s += room.wait_s;

@@ -79,7 +79,7 @@ proptest! {
             let own = charging.force_harmonic_phasor_per_n_at_rail_voltage(*n, width);
             prop_assert!((own - marched).norm() < 1e-6, "{n}: {own} {marched}");
         }
-        prop_assert!((charging.mean_square_voltage_of_both_electrodes_as_fraction(width) - mean).abs() < 1e-6);
+        prop_assert!((charging.mean_sum_of_squared_electrode_voltages_over_rail_squared(width) - mean).abs() < 1e-6);
     }
 
     /// The force is never above the one without resistors, and grows with the width; so does the mean square.
@@ -99,7 +99,7 @@ proptest! {
             let width = widest * f64::from(k) / 60.0;
             let force = charging.force_harmonic_phasor_per_n_at_rail_voltage(1.0, width).norm();
             prop_assert!(force <= ideal.force_harmonic_phasor_per_n_at_rail_voltage(1.0, width).norm() * (1.0 + 1e-12));
-            prop_assert!(charging.mean_square_voltage_of_both_electrodes_as_fraction(width) <= width * (1.0 + 1e-12));
+            prop_assert!(charging.mean_sum_of_squared_electrode_voltages_over_rail_squared(width) <= width * (1.0 + 1e-12));
             prop_assert!(force > before, "{force} at {width}");
             prop_assert!(charging.force_phase_relative_to_windows_rad(width) <= 1e-12);
             before = force;
@@ -238,7 +238,10 @@ fn stepped_electrodes_have_the_same_harmonics() {
             }
             let expected = charging.force_harmonic_phasor_per_n_at_rail_voltage(1.0, width);
             assert!((sum - expected).norm() < 3e-4 * expected.norm(), "{hz}: {sum} {expected}");
-            assert!((mean - charging.mean_square_voltage_of_both_electrodes_as_fraction(width)).abs() < 1e-5, "{mean}");
+            assert!(
+                (mean - charging.mean_sum_of_squared_electrode_voltages_over_rail_squared(width)).abs() < 1e-5,
+                "{mean}"
+            );
         }
         // In fine steps: half the sum of squared amplitudes against the mean of (v_A^2 - v_B^2)^2, B half a period later.
         let (hz, width, count) = (200.0, 2.0 / 3.0, 20_000_usize);

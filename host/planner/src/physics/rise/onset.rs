@@ -240,7 +240,7 @@ impl SwitchOnModel {
         overshoots
     }
 
-    /// What the poles that [`SwitchOnModel::build_time_response`] takes to follow at once may leave of their parts on the way, in m, for these
+    /// What the poles that [`SwitchOnModel::split_receptance_into_near_poles_and_instant_part`] takes to follow at once may leave of their parts on the way, in m, for these
     /// forces at `frequency_hz` over `rise_s` each, and the phasors that turn the other way.
     #[must_use]
     pub fn bound_transients_of_instantly_following_poles_m(
@@ -259,7 +259,7 @@ impl SwitchOnModel {
                 };
                 pole.input.iter().zip(forces).zip(rise_s).map(of).sum()
             };
-            let far = if is_pole_near_drive_frequency(pole, jw) { 0.0 } else { left(pole.s - jw) };
+            let far = if is_oscillating_pole_near_drive_frequency(pole, jw) { 0.0 } else { left(pole.s - jw) };
             let all = far + left(pole.s + jw);
             sums.iter_mut().zip(&pole.output).for_each(|(sum, output)| *sum += all * output.norm());
         }
@@ -268,11 +268,15 @@ impl SwitchOnModel {
 
     /// How masses follow forces at `frequency_hz`, where their steady travel is `receptance` per force.
     #[must_use]
-    pub fn build_time_response(&self, frequency_hz: f64, receptance: &PerPair) -> TimeResponse {
+    pub fn split_receptance_into_near_poles_and_instant_part(
+        &self,
+        frequency_hz: f64,
+        receptance: &PerPair,
+    ) -> TimeResponse {
         let jw = Complex64::new(0.0, TAU * frequency_hz);
         let near = |pole: &DrivenPole| NearPole { beat: pole.s - jw, input: pole.input, output: pole.output };
         let near_poles: Vec<NearPole> =
-            self.poles.iter().filter(|pole| is_pole_near_drive_frequency(pole, jw)).map(near).collect();
+            self.poles.iter().filter(|pole| is_oscillating_pole_near_drive_frequency(pole, jw)).map(near).collect();
         let mut at_once = *receptance;
         for near in &near_poles {
             for (row, output) in at_once.iter_mut().zip(&near.output) {
@@ -286,7 +290,7 @@ impl SwitchOnModel {
 }
 
 /// Whether a pole takes its time beside a drive; one that hardly swings has no amplitude to speak of.
-fn is_pole_near_drive_frequency(pole: &DrivenPole, jw: Complex64) -> bool {
+fn is_oscillating_pole_near_drive_frequency(pole: &DrivenPole, jw: Complex64) -> bool {
     pole.s.im > pole.s.re.abs() && (pole.s - jw).norm() < TAU * NEAR_HZ
 }
 

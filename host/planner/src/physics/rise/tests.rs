@@ -7,7 +7,10 @@ use std::f64::consts::FRAC_PI_2;
 
 fn model(text: &str) -> ReducedModel {
     let scene = Scene::parse("scene", text).unwrap();
-    PanelModel::build(&scene, Accuracy::FAST, 300.0).unwrap().reduce(300.0, &[]).unwrap()
+    PanelModel::build(&scene, Accuracy::FAST, 300.0)
+        .unwrap()
+        .reduce_with_residual_shapes_of_actuators_and_points(300.0, &[])
+        .unwrap()
 }
 
 fn sine(actuator: usize, frequency_hz: f64, force_n: f64) -> SwitchedForce {

@@ -83,17 +83,22 @@ impl PulseWindows {
 
     pub fn new(excitation: &Excitation, times: ChargingTimes) -> Self {
         let mut windows = Self::NONE;
-        windows.phase = harmonic_phasors(excitation.phase_rad);
+        windows.phase = unit_phasors_of_first_third_and_fifth_harmonic(excitation.phase_rad);
         let width = excitation.pulse_width.clamp(0.0, 1.0);
         if times.is_instant() || excitation.voltage_v == 0.0 || width == 0.0 {
-            windows.fill_points_of_rectangle(width);
+            windows.fill_quadrature_points_of_rectangular_window(width);
         } else {
-            windows.fill_points_behind_resistors(excitation.frequency_hz, width, times);
+            windows.fill_quadrature_points_of_resistor_charged_window(excitation.frequency_hz, width, times);
         }
         windows
     }
 
-    fn fill_points_behind_resistors(&mut self, frequency_hz: f64, width: f64, times: ChargingTimes) {
+    fn fill_quadrature_points_of_resistor_charged_window(
+        &mut self,
+        frequency_hz: f64,
+        width: f64,
+        times: ChargingTimes,
+    ) {
         self.has_most_nodes = true;
         let course = PeriodicCharging::new(times, frequency_hz).voltage_course(width);
         let points = course
@@ -103,16 +108,17 @@ impl PulseWindows {
         for (place, ((from_s, length_s), (node, weight))) in points.enumerate().take(MOST_NODES) {
             let at_s = from_s + node * length_s;
             self.weights[place] = 2.0 * frequency_hz * length_s * weight * course.fraction_at(at_s).powi(2);
-            let turns = harmonic_phasors(TAU * frequency_hz * (at_s - 0.5 * course.window_s()));
+            let turns =
+                unit_phasors_of_first_third_and_fifth_harmonic(TAU * frequency_hz * (at_s - 0.5 * course.window_s()));
             for ([cos, sin], turn) in self.turns.iter_mut().zip(turns) {
                 (cos[place], sin[place]) = (turn.re, turn.im);
             }
         }
     }
 
-    fn fill_points_of_rectangle(&mut self, width: f64) {
+    fn fill_quadrature_points_of_rectangular_window(&mut self, width: f64) {
         for (i, (node, weight)) in GAUSS.iter().take(NODES / 2).enumerate() {
-            let turns = harmonic_phasors(FRAC_PI_2 * width * (2.0 * node - 1.0));
+            let turns = unit_phasors_of_first_third_and_fifth_harmonic(FRAC_PI_2 * width * (2.0 * node - 1.0));
             for ([cos, sin], turn) in self.turns.iter_mut().zip(turns) {
                 (cos[2 * i], sin[2 * i]) = (turn.re, turn.im);
                 (cos[2 * i + 1], sin[2 * i + 1]) = (turn.re, -turn.im);
@@ -124,7 +130,7 @@ impl PulseWindows {
 
     /// The force of a motion with the phasors `travel` (in parts of the gap) on `lines`; those of the frequency `windows_frequency_index` are the
     /// windows' own.
-    pub fn describe_force_lines_and_slopes(
+    pub fn compute_force_phasors_and_slopes_of_moving_electrodes(
         &self,
         windows_frequency_index: usize,
         lines: &[Line],
@@ -143,7 +149,7 @@ impl PulseWindows {
                 _ => others[l] = travel(l).norm_sqr().sqrt(),
             }
         }
-        let all = second_to_sixth_moments_of_sine_sum(&others, None);
+        let all = second_fourth_and_sixth_moment_of_sine_sum(&others, None);
         let sums = Arch::new().dispatch(Integrate(self, &own[..count], &all));
         let mut description = ForceDescription::NONE;
         description.mean_slope = sums.slope;
@@ -161,7 +167,7 @@ impl PulseWindows {
                         * fundamental_amplitude_of_odd_polynomial(
                             &sums.odd,
                             a,
-                            &second_to_sixth_moments_of_sine_sum(&others, Some(l)),
+                            &second_fourth_and_sixth_moment_of_sine_sum(&others, Some(l)),
                         )
                 }
                 _ => Complex64::ZERO,
@@ -261,7 +267,7 @@ struct Sums {
     odd: [f64; 4],
 }
 
-fn harmonic_phasors(angle: f64) -> [Complex64; HARMONICS] {
+fn unit_phasors_of_first_third_and_fifth_harmonic(angle: f64) -> [Complex64; HARMONICS] {
     let first = Complex64::cis(angle);
     let square = first * first;
     let third = first * square;
@@ -269,7 +275,7 @@ fn harmonic_phasors(angle: f64) -> [Complex64; HARMONICS] {
 }
 
 /// Second, fourth and sixth moment of a sum of sines with independent phases, without the one at `excluded`.
-fn second_to_sixth_moments_of_sine_sum(amplitudes: &[f64; MAX_LINES], excluded: Option<usize>) -> [f64; 3] {
+fn second_fourth_and_sixth_moment_of_sine_sum(amplitudes: &[f64; MAX_LINES], excluded: Option<usize>) -> [f64; 3] {
     let mut all = [0.0; 3];
     for (l, a) in amplitudes.iter().enumerate() {
         if *a == 0.0 || Some(l) == excluded {

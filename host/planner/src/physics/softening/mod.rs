@@ -200,7 +200,7 @@ pub fn solve_steady_motion(
 ///
 /// # Errors
 /// [`MotionError`].
-pub fn continue_steady_motion(
+pub fn solve_steady_motion_starting_from_scaled_known_motion(
     actuators: &[Transducer],
     excitations: &[Excitation],
     lines: &[Line],
@@ -255,7 +255,7 @@ impl<'a> ClosingGaps<'a> {
             let mut descriptions = [ForceDescription::NONE; MAX_ACTUATORS];
             for (i, description) in descriptions.iter_mut().enumerate().take(self.actuators.len()) {
                 *description = self
-                    .describe_force_on_actuator_unless_too_far(i, motion, voltage_square_fraction)
+                    .compute_force_and_slopes_on_actuator_unless_travel_too_far(i, motion, voltage_square_fraction)
                     .ok_or(MotionError::Travel { actuator: i })?;
             }
             let (mut change, mut largest) = (0.0_f64, 0.0_f64);
@@ -283,7 +283,7 @@ impl<'a> ClosingGaps<'a> {
     }
 
     /// The force that the motion makes on actuator `actuator`, and how it changes with the motion; `None` beyond [`FOLLOWED`].
-    fn describe_force_on_actuator_unless_too_far(
+    fn compute_force_and_slopes_on_actuator_unless_travel_too_far(
         &self,
         actuator: usize,
         motion: &Motion,
@@ -297,8 +297,11 @@ impl<'a> ClosingGaps<'a> {
         }
         let newtons =
             voltage_square_fraction * transducer.newtons_per_volt_squared * excitation.voltage_v * excitation.voltage_v;
-        let mut description =
-            self.windows[actuator].describe_force_lines_and_slopes(excitation.frequency, self.lines, travel);
+        let mut description = self.windows[actuator].compute_force_phasors_and_slopes_of_moving_electrodes(
+            excitation.frequency,
+            self.lines,
+            travel,
+        );
         description.scale_force_and_slopes(newtons, newtons * per_gap);
         for l in 0..self.lines.len() {
             description.force[l] -= motion.travel_m[l][actuator] * transducer.counted_n_per_m;

@@ -77,7 +77,7 @@ pub fn find_largest_travel_while_rails_rise_m(
         for i in 0..p {
             let up = ((time_s + 0.5 * RAMP_STEP_S) / rise_s[i]).min(1.0);
             let description = problem
-                .describe_force_on_actuator_unless_too_far(i, &middle, up * up)
+                .compute_force_and_slopes_on_actuator_unless_travel_too_far(i, &middle, up * up)
                 .ok_or(MotionError::Travel { actuator: i })?;
             forces.iter_mut().zip(&description.force).for_each(|(forces, force)| forces[i] = *force);
         }

@@ -44,7 +44,10 @@ fn block(extra: &str, era: &str) -> PlanTable {
     );
     let scene = Scene::parse("block", &text).unwrap();
     let options = TableOptions { step_hz: 20.0, ..TableOptions::default() };
-    let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz).unwrap().reduce(options.to_hz, &[]).unwrap();
+    let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz)
+        .unwrap()
+        .reduce_with_residual_shapes_of_actuators_and_points(options.to_hz, &[])
+        .unwrap();
     PlanTable::build(&scene, model, options).unwrap()
 }
 
@@ -109,7 +112,10 @@ fn stop_with_stiffness(table: &PlanTable, stiffness_n_per_m: f64) -> Stop {
     let mut scene = table.scene.clone();
     scene.actuators[0].stiffness_n_per_m = stiffness_n_per_m;
     let options = TableOptions { step_hz: 20.0, ..TableOptions::default() };
-    let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz).unwrap().reduce(options.to_hz, &[]).unwrap();
+    let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz)
+        .unwrap()
+        .reduce_with_residual_shapes_of_actuators_and_points(options.to_hz, &[])
+        .unwrap();
     PlanTable::build(&scene, model, options).unwrap().pressed[0].stop
 }
 
@@ -127,18 +133,24 @@ fn what_a_press_leaves_of_gap_and_springs() {
     };
     let sagging = Electrodes { sag_m: 100e-6, ..free };
     assert!((sagging.remaining_gap_under_press_m(50e-6) - 350e-6).abs() < 1e-12);
-    assert!((free.press_softening_ratio() - 1.0).abs() < 1e-12);
+    assert!((free.softening_under_press_relative_to_rest() - 1.0).abs() < 1e-12);
     // The slope of u / (1 - u^2)^2 by differences.
     let h = 1e-6;
     assert!(
-        (sagging.press_softening_ratio()
-            - (mean_pull_relative_to_softening(0.2 + h) - mean_pull_relative_to_softening(0.2 - h)) / (2.0 * h))
+        (sagging.softening_under_press_relative_to_rest()
+            - (mean_pull_over_softening_times_gap_at_offset(0.2 + h)
+                - mean_pull_over_softening_times_gap_at_offset(0.2 - h))
+                / (2.0 * h))
             .abs()
             < 1e-6
     );
     let stopped = Electrodes { sag_m: 150e-6, stop_m: 150e-6, ..free };
     assert!((stopped.remaining_gap_under_press_m(100e-6) - 350e-6).abs() < 1e-12);
-    assert!((stopped.press_softening_ratio() - mean_pull_relative_to_softening(0.3) / 0.3).abs() < 1e-12);
+    assert!(
+        (stopped.softening_under_press_relative_to_rest() - mean_pull_over_softening_times_gap_at_offset(0.3) / 0.3)
+            .abs()
+            < 1e-12
+    );
     assert!((stopped.max_travel_m() - 150e-6).abs() < 1e-12);
     // No voltage that the tangent allows is above what the gap holds.
     for electrodes in [free, sagging, stopped, Electrodes { stop_m: 200e-6, ..sagging }] {

@@ -32,7 +32,7 @@ pub fn build_openapi_json(declared: &OpenApi) -> String {
         json!({"token": {"type": "http", "scheme": "bearer", "description": TOKEN}});
     document["components"]["responses"] = problems::build_not_found_and_wrong_method_responses();
     if let Some(schemas) = document.pointer_mut("/components/schemas").and_then(Value::as_object_mut) {
-        schemas.values_mut().for_each(require_nullable_fields);
+        schemas.values_mut().for_each(require_nullable_fields_unless_schema_is_closed);
         problems::insert_problem_types(schemas);
     }
     ranges::insert_field_ranges(&mut document);
@@ -64,7 +64,7 @@ fn complete_openapi_operation(path: &str, method: &str, operation: &mut Value) {
 
 /// In what the daemon tells, an `Option` is null where there is nothing: its key is always there. One that may be left out says so
 /// by not being null. Requests, which are closed, may leave out what may be null.
-fn require_nullable_fields(schema: &mut Value) {
+fn require_nullable_fields_unless_schema_is_closed(schema: &mut Value) {
     let Value::Object(map) = schema else { return };
     if map.get("additionalProperties") == Some(&Value::Bool(false)) {
         return;
@@ -82,7 +82,7 @@ fn require_nullable_fields(schema: &mut Value) {
     }
     for key in ["allOf", "oneOf", "anyOf"] {
         if let Some(Value::Array(parts)) = map.get_mut(key) {
-            parts.iter_mut().for_each(require_nullable_fields);
+            parts.iter_mut().for_each(require_nullable_fields_unless_schema_is_closed);
         }
     }
 }
@@ -132,10 +132,10 @@ mod tests {
         let mut answer = json!({"properties": {
             "a": {"type": ["number", "null"]}, "b": {"oneOf": [{"type": "null"}, {"$ref": "#"}]}, "c": {"type": "number"},
         }, "required": ["a"]});
-        require_nullable_fields(&mut answer);
+        require_nullable_fields_unless_schema_is_closed(&mut answer);
         assert_eq!(answer["required"], json!(["a", "b"]));
         let mut request = json!({"properties": {"a": {"type": ["number", "null"]}}, "additionalProperties": false});
-        require_nullable_fields(&mut request);
+        require_nullable_fields_unless_schema_is_closed(&mut request);
         assert!(request.get("required").is_none());
     }
 }

@@ -74,7 +74,7 @@ impl Contact {
 
     /// What is felt when it comes down, in g.
     #[must_use]
-    pub const fn find_press_click_g(&self) -> Option<f64> {
+    pub const fn find_press_click_g_if_button_or_toggle(&self) -> Option<f64> {
         match self.track {
             Track::Press { intensity_g } => Some(intensity_g),
             _ => None,
@@ -83,16 +83,21 @@ impl Contact {
 
     /// What is felt when it is lifted at a place, in g.
     #[must_use]
-    pub fn find_release_click_g_if_still_on_control(&self, x: f64, y: f64) -> Option<f64> {
-        self.find_press_click_g().filter(|_| self.control.contains(x, y)).map(|intensity_g| RELEASE_PART * intensity_g)
+    pub fn find_release_click_g_if_button_or_toggle_and_still_on_it(&self, x: f64, y: f64) -> Option<f64> {
+        self.find_press_click_g_if_button_or_toggle()
+            .filter(|_| self.control.contains(x, y))
+            .map(|intensity_g| RELEASE_PART * intensity_g)
     }
 
     /// Moves on; the peak in g of the click that it feels, if it passes a detent.
-    pub fn move_finger(&mut self, x: f64, y: f64, now: Instant) -> Option<f64> {
+    pub fn move_finger_and_find_click_g_if_detent_passed(&mut self, x: f64, y: f64, now: Instant) -> Option<f64> {
         let passes = match (&mut self.track, &self.control.shape) {
             (Track::Slide(tracker), Shape::Slider { area, axis, detents }) => {
                 let ends = Some([0.0, f64::from(detents - 1)]);
-                tracker.move_and_check_if_passes(find_slider_position_in_detents(area, *axis, *detents, x, y), ends)
+                tracker.move_to_position_and_check_if_detent_passed(
+                    find_slider_position_in_detents(area, *axis, *detents, x, y),
+                    ends,
+                )
             }
             (turn @ Track::Turn { .. }, shape) => turn.turn_dial_and_check_if_detent_passed(shape, x, y),
             (Track::Stroke(tracker), _) => {
@@ -144,7 +149,9 @@ impl Track {
         let turned = angle.map_or(0.0, |before| (now - before + TAU / 2.0).rem_euclid(TAU) - TAU / 2.0);
         *position = if angle.is_some() { *position + turned * per_rad } else { now * per_rad };
         *angle = Some(now);
-        tracker.get_or_insert_with(|| DetentTracker::new(*position)).move_and_check_if_passes(*position, None)
+        tracker
+            .get_or_insert_with(|| DetentTracker::new(*position))
+            .move_to_position_and_check_if_detent_passed(*position, None)
     }
 }
 
@@ -178,16 +185,18 @@ impl EdgeTracker {
     }
 
     /// Moves on; the peak in g of the click that is felt, if the finger crosses the border.
-    pub fn move_finger(&mut self, x: f64, y: f64) -> Option<f64> {
-        let crosses =
-            self.tracker.move_and_check_if_passes(find_signed_border_distance_in_detent_steps(&self.area, x, y), None);
+    pub fn move_finger_and_find_click_g_if_border_crossed(&mut self, x: f64, y: f64) -> Option<f64> {
+        let crosses = self.tracker.move_to_position_and_check_if_detent_passed(
+            find_signed_border_distance_in_detent_steps(&self.area, x, y),
+            None,
+        );
         crosses.then_some(self.intensity_g)
     }
 }
 
 /// The distance from the border such that the tracker's hysteresis is [`EDGE_HYSTERESIS_PX`], and far from all detents but that at 0.
 fn find_signed_border_distance_in_detent_steps(area: &Rectangle, x: f64, y: f64) -> f64 {
-    (area.depth_px(x, y) * super::detents::HYSTERESIS / EDGE_HYSTERESIS_PX).clamp(-0.5, 0.5)
+    (area.signed_distance_inside_border_px(x, y) * super::detents::HYSTERESIS / EDGE_HYSTERESIS_PX).clamp(-0.5, 0.5)
 }
 
 #[cfg(test)]
@@ -205,7 +214,9 @@ mod tests {
     fn count_clicks(shape: Shape, path: &[(f64, f64)]) -> usize {
         let now = Instant::now();
         let mut contact = Contact::new(make_control(shape), path[0].0, path[0].1, now).unwrap();
-        path.iter().filter(|(x, y)| contact.move_finger(*x, *y, now).is_some()).count()
+        path.iter()
+            .filter(|(x, y)| contact.move_finger_and_find_click_g_if_detent_passed(*x, *y, now).is_some())
+            .count()
     }
 
     /// From one place to another in so many messages.
@@ -263,14 +274,27 @@ mod tests {
             Contact::new(Control { is_on, ..make_control(shape) }, 110.0, 210.0, Instant::now()).unwrap()
         };
         let (on, off) = (press(Shape::Toggle(AREA), true), press(Shape::Toggle(AREA), false));
-        assert_eq!((on.find_press_click_g(), off.find_press_click_g()), (Some(0.5), Some(0.3)));
-        let button = press(Shape::Button(AREA), false);
         assert_eq!(
-            (button.find_press_click_g(), button.find_release_click_g_if_still_on_control(400.0, 260.0)),
+            (on.find_press_click_g_if_button_or_toggle(), off.find_press_click_g_if_button_or_toggle()),
             (Some(0.5), Some(0.3))
         );
-        assert_eq!(button.find_release_click_g_if_still_on_control(401.0, 260.0), None, "it has left the button");
-        assert!(off.find_release_click_g_if_still_on_control(110.0, 210.0) < off.find_press_click_g());
+        let button = press(Shape::Button(AREA), false);
+        assert_eq!(
+            (
+                button.find_press_click_g_if_button_or_toggle(),
+                button.find_release_click_g_if_button_or_toggle_and_still_on_it(400.0, 260.0)
+            ),
+            (Some(0.5), Some(0.3))
+        );
+        assert_eq!(
+            button.find_release_click_g_if_button_or_toggle_and_still_on_it(401.0, 260.0),
+            None,
+            "it has left the button"
+        );
+        assert!(
+            off.find_release_click_g_if_button_or_toggle_and_still_on_it(110.0, 210.0)
+                < off.find_press_click_g_if_button_or_toggle()
+        );
     }
 
     #[test]
@@ -282,7 +306,11 @@ mod tests {
             let mut x = 100.0;
             for ms in (0..=200).step_by(16) {
                 x = 100.0 + speed_px_s * f64::from(ms) / 1e3;
-                contact.move_finger(x, 210.0, start + Duration::from_millis(u64::try_from(ms).unwrap()));
+                contact.move_finger_and_find_click_g_if_detent_passed(
+                    x,
+                    210.0,
+                    start + Duration::from_millis(u64::try_from(ms).unwrap()),
+                );
             }
             contact.find_texture_g_at_present_speed_if_felt(x, 210.0)
         };
@@ -334,18 +362,18 @@ mod tests {
                 prop_assert_eq!(count_clicks(shape, &path), 0, "{:?}", shape);
             }
             let mut edge = EdgeTracker::new(&make_control(Shape::Edge(AREA)), path[0].0, path[0].1).unwrap();
-            prop_assert!(path.iter().all(|(x, y)| edge.move_finger(*x, *y).is_none()));
+            prop_assert!(path.iter().all(|(x, y)| edge.move_finger_and_find_click_g_if_border_crossed(*x, *y).is_none()));
         }
 
         /// The border is crossed as often as the finger is on the other side of it, by the hysteresis or more.
         #[test]
         fn each_crossing_of_an_edge_is_felt_once(places in prop::collection::vec((0.0..500.0, 100.0..400.0), 2..60)) {
-            let is_clear = |place: &&(f64, f64)| AREA.depth_px(place.0, place.1).abs() >= EDGE_HYSTERESIS_PX;
+            let is_clear = |place: &&(f64, f64)| AREA.signed_distance_inside_border_px(place.0, place.1).abs() >= EDGE_HYSTERESIS_PX;
             let clear: Vec<(f64, f64)> = places.iter().filter(is_clear).copied().collect();
             prop_assume!(clear.len() >= 2);
             let crossings = clear.windows(2).filter(|pair| AREA.contains(pair[0].0, pair[0].1) != AREA.contains(pair[1].0, pair[1].1)).count();
             let mut edge = EdgeTracker::new(&make_control(Shape::Edge(AREA)), clear[0].0, clear[0].1).unwrap();
-            let clicks = clear.iter().filter(|(x, y)| edge.move_finger(*x, *y).is_some()).count();
+            let clicks = clear.iter().filter(|(x, y)| edge.move_finger_and_find_click_g_if_border_crossed(*x, *y).is_some()).count();
             prop_assert_eq!(clicks, crossings);
         }
     }

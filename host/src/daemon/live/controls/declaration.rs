@@ -134,12 +134,12 @@ impl Rectangle {
     /// Whether a place is in it, its border included.
     #[must_use]
     pub fn contains(&self, x: f64, y: f64) -> bool {
-        self.depth_px(x, y) >= 0.0
+        self.signed_distance_inside_border_px(x, y) >= 0.0
     }
 
     /// How far a place is inside of the border, along the axis on which it is the least; outside, it is negative.
     #[must_use]
-    pub fn depth_px(&self, x: f64, y: f64) -> f64 {
+    pub fn signed_distance_inside_border_px(&self, x: f64, y: f64) -> f64 {
         let depth = |at: f64, start: f64, length: f64| (at - start).min(start + length - at);
         depth(x, self.x, self.width).min(depth(y, self.y, self.height))
     }
@@ -177,7 +177,7 @@ pub fn check_controls(declared: &[DeclaredControl], screen: &Screen) -> Result<V
     let check = |(i, control): (usize, &DeclaredControl)| {
         control
             .check_all_keys_and_convert_to_control(screen)
-            .map_err(|problem| problem.with_field_prefix(Some(format!("controls[{i}]"))))
+            .map_err(|problem| problem.prefix_field_and_detail_if_prefix_given(Some(format!("controls[{i}]"))))
     };
     declared.iter().enumerate().map(check).collect()
 }
@@ -187,34 +187,34 @@ impl DeclaredControl {
         self.refuse_keys_of_other_kinds()?;
         check_intensity_range(self.intensity_g)?;
         let shape = match self.kind {
-            DeclaredKind::Button => Shape::Button(self.check_rectangle(screen)?),
-            DeclaredKind::Toggle => Shape::Toggle(self.check_rectangle(screen)?),
-            DeclaredKind::Edge => Shape::Edge(self.check_rectangle(screen)?),
+            DeclaredKind::Button => Shape::Button(self.build_rectangle_if_large_enough_and_origin_on_screen(screen)?),
+            DeclaredKind::Toggle => Shape::Toggle(self.build_rectangle_if_large_enough_and_origin_on_screen(screen)?),
+            DeclaredKind::Edge => Shape::Edge(self.build_rectangle_if_large_enough_and_origin_on_screen(screen)?),
             DeclaredKind::Slider => {
-                let area = self.check_rectangle(screen)?;
+                let area = self.build_rectangle_if_large_enough_and_origin_on_screen(screen)?;
                 let longer = if area.height > area.width { SliderAxis::Y } else { SliderAxis::X };
                 let detents = self.check_detents(MOST_SLIDER_DETENTS)?;
                 Shape::Slider { area, axis: self.axis.unwrap_or(longer), detents }
             }
             DeclaredKind::Dial => {
-                let radius_px = self.require_number("radius_px", self.radius_px, LEAST_SIZE_PX)?;
+                let radius_px = self.require_number_from_least_to_max_px("radius_px", self.radius_px, LEAST_SIZE_PX)?;
                 self.require_overlap_with_screen(screen, [radius_px; 2], [radius_px; 2])?;
                 let detents = self.check_detents(MOST_DIAL_DETENTS)?;
                 Shape::Dial { x_px: self.x_px, y_px: self.y_px, radius_px, detents }
             }
             DeclaredKind::Texture => {
-                let area = self.check_rectangle(screen)?;
+                let area = self.build_rectangle_if_large_enough_and_origin_on_screen(screen)?;
                 let speed_px_s = self.speed_px_s.unwrap_or(DEFAULT_SPEED_PX_S);
-                Shape::Texture { area, speed_px_s: check_number("speed_px_s", speed_px_s, 1.0)? }
+                Shape::Texture { area, speed_px_s: check_number_from_least_to_max_px("speed_px_s", speed_px_s, 1.0)? }
             }
         };
         let intensity_g = self.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
         Ok(Control { shape, intensity_g, is_on: self.on.unwrap_or(false) })
     }
 
-    fn check_rectangle(&self, screen: &Screen) -> Result<Rectangle, Problem> {
-        let width = self.require_number("width_px", self.width_px, LEAST_SIZE_PX)?;
-        let height = self.require_number("height_px", self.height_px, LEAST_SIZE_PX)?;
+    fn build_rectangle_if_large_enough_and_origin_on_screen(&self, screen: &Screen) -> Result<Rectangle, Problem> {
+        let width = self.require_number_from_least_to_max_px("width_px", self.width_px, LEAST_SIZE_PX)?;
+        let height = self.require_number_from_least_to_max_px("height_px", self.height_px, LEAST_SIZE_PX)?;
         self.require_overlap_with_screen(screen, [width, height], [0.0; 2])?;
         Ok(Rectangle { x: self.x_px, y: self.y_px, width, height })
     }
@@ -224,13 +224,15 @@ impl DeclaredControl {
     fn require_overlap_with_screen(
         &self,
         screen: &Screen,
-        before_px: [f64; 2],
-        behind_px: [f64; 2],
+        max_px_left_of_and_above_screen: [f64; 2],
+        max_px_right_of_and_below_screen: [f64; 2],
     ) -> Result<(), Problem> {
         let sides = [screen.width_px, screen.height_px].map(f64::from);
         let fields = [("x_px", self.x_px), ("y_px", self.y_px)];
-        for (((field, value), side), (before, behind)) in
-            fields.into_iter().zip(sides).zip(before_px.into_iter().zip(behind_px))
+        for (((field, value), side), (before, behind)) in fields
+            .into_iter()
+            .zip(sides)
+            .zip(max_px_left_of_and_above_screen.into_iter().zip(max_px_right_of_and_below_screen))
         {
             if !(-before..=side + behind).contains(&value) {
                 return Err(Problem::out_of_range(field, value, -before, side + behind));
@@ -248,8 +250,8 @@ impl DeclaredControl {
         }
     }
 
-    fn require_number(&self, field: &str, value: Option<f64>, least: f64) -> Result<f64, Problem> {
-        check_number(field, value.ok_or_else(|| self.missing_key_problem(field))?, least)
+    fn require_number_from_least_to_max_px(&self, field: &str, value: Option<f64>, least: f64) -> Result<f64, Problem> {
+        check_number_from_least_to_max_px(field, value.ok_or_else(|| self.missing_key_problem(field))?, least)
     }
 
     fn missing_key_problem(&self, field: &str) -> Problem {
@@ -277,7 +279,7 @@ impl DeclaredControl {
     }
 }
 
-fn check_number(field: &str, value: f64, least: f64) -> Result<f64, Problem> {
+fn check_number_from_least_to_max_px(field: &str, value: f64, least: f64) -> Result<f64, Problem> {
     if (least..=MOST_PX).contains(&value) {
         Ok(value)
     } else {
@@ -421,7 +423,11 @@ mod tests {
         for (x, y, depth_px) in
             [(10.0, 20.0, 0.0), (40.0, 60.0, 0.0), (25.0, 40.0, 15.0), (9.0, 40.0, -1.0), (25.0, 65.0, -5.0)]
         {
-            assert_eq!((area.depth_px(x, y), area.contains(x, y)), (depth_px, depth_px >= 0.0), "{x}, {y}");
+            assert_eq!(
+                (area.signed_distance_inside_border_px(x, y), area.contains(x, y)),
+                (depth_px, depth_px >= 0.0),
+                "{x}, {y}"
+            );
         }
         let dial = Shape::Dial { x_px: 0.0, y_px: 0.0, radius_px: 5.0, detents: 2 };
         let dial = Control { shape: dial, intensity_g: 0.5, is_on: false };

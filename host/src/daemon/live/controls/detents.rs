@@ -29,7 +29,7 @@ impl DetentTracker {
     }
 
     /// Moves on to a position; whether that passes a detent, or several. Behind the `ends`, if there are any, nothing is passed.
-    pub fn move_and_check_if_passes(&mut self, position: f64, ends: Option<[f64; 2]>) -> bool {
+    pub fn move_to_position_and_check_if_detent_passed(&mut self, position: f64, ends: Option<[f64; 2]>) -> bool {
         if let Some(near) = self.near {
             if (position - near.detent).abs() < HYSTERESIS {
                 return false;
@@ -59,7 +59,7 @@ mod tests {
 
     fn count_passes(path: &[f64], ends: Option<[f64; 2]>) -> usize {
         let mut tracker = DetentTracker::new(path[0]);
-        path.iter().filter(|position| tracker.move_and_check_if_passes(**position, ends)).count()
+        path.iter().filter(|position| tracker.move_to_position_and_check_if_detent_passed(**position, ends)).count()
     }
 
     /// From one position to another in steps of at most `step`.
@@ -89,7 +89,7 @@ mod tests {
             (5.5, true),
             (4.99, true),
         ] {
-            assert_eq!(tracker.move_and_check_if_passes(position, None), passes, "at {position}");
+            assert_eq!(tracker.move_to_position_and_check_if_detent_passed(position, None), passes, "at {position}");
         }
         // Who comes down on a detent leaves it without passing it.
         assert_eq!((count_passes(&[3.1, 2.7, 2.1], None), count_passes(&[2.9, 3.9], None)), (0, 0));

@@ -104,8 +104,8 @@ impl PageControls {
         let is_down = |known: &PageFinger| fingers.iter().any(|finger| finger.id == known.finger.id);
         for lifted in self.fingers.extract_if(.., |known| !is_down(known)) {
             if let FingerRole::On(contact) = &lifted.role
-                && let Some(peak_g) =
-                    contact.find_release_click_g_if_still_on_control(lifted.finger.x_px, lifted.finger.y_px)
+                && let Some(peak_g) = contact
+                    .find_release_click_g_if_button_or_toggle_and_still_on_it(lifted.finger.x_px, lifted.finger.y_px)
             {
                 clicks.push((ClickCause::Release, with_peak(lifted.finger, peak_g)));
             }
@@ -119,7 +119,7 @@ impl PageControls {
             clicks.extend(click.map(|(cause, peak_g)| (cause, with_peak(*finger, peak_g))));
         }
         for PageFinger { finger, role } in &self.fingers {
-            if role.is_outside() {
+            if role.is_driven_as_if_there_were_no_controls() {
                 felt.outside.push(finger.id);
             } else if let FingerRole::On(contact) = role {
                 let peak_g = contact.find_texture_g_at_present_speed_if_felt(finger.x_px, finger.y_px);
@@ -137,7 +137,7 @@ impl PageControls {
     }
 
     /// The same where all fingers stay where they are.
-    pub fn let_time_pass(&mut self, now: Instant, stop_count: u64) -> Felt {
+    pub fn update_felt_with_fingers_unmoved(&mut self, now: Instant, stop_count: u64) -> Felt {
         let all: Vec<Finger> = self.list_fingers().collect();
         self.update_fingers_lifting_absent(&all, now, stop_count)
     }
@@ -153,8 +153,11 @@ impl PageControls {
     }
 
     /// Fingers that are down and are not driven as if there were no controls.
-    pub fn list_ids_on_controls(&self) -> impl Iterator<Item = i64> {
-        self.fingers.iter().filter(|known| !known.role.is_outside()).map(|known| known.finger.id)
+    pub fn list_ids_of_fingers_on_or_detached_from_controls(&self) -> impl Iterator<Item = i64> {
+        self.fingers
+            .iter()
+            .filter(|known| !known.role.is_driven_as_if_there_were_no_controls())
+            .map(|known| known.finger.id)
     }
 
     fn list_fingers(&self) -> impl Iterator<Item = Finger> {
@@ -170,7 +173,7 @@ impl PageControls {
             }
             Contact::new(*control, finger.x_px, finger.y_px, now)
         });
-        let click_g = contact.as_ref().and_then(Contact::find_press_click_g);
+        let click_g = contact.as_ref().and_then(Contact::find_press_click_g_if_button_or_toggle);
         let role = match contact {
             _ if has_own_effect_or_intensity(&finger) => FingerRole::Own,
             Some(contact) => FingerRole::On(contact),
@@ -183,14 +186,14 @@ impl PageControls {
     /// A finger that was down at a stop feels no more of the controls, so that nothing is driven by it when it is lifted: it may have pressed a
     /// button that stops everything. What is asked for a finger outside of all controls counts as new.
     fn detach_fingers_from_controls_after_stop(&mut self) {
-        let on_controls = self.fingers.iter_mut().filter(|known| !known.role.is_outside());
+        let on_controls = self.fingers.iter_mut().filter(|known| !known.role.is_driven_as_if_there_were_no_controls());
         on_controls.for_each(|known| known.role = FingerRole::Nothing);
     }
 }
 
 impl FingerRole {
     /// Whether its finger is driven as if there were no controls.
-    const fn is_outside(&self) -> bool {
+    const fn is_driven_as_if_there_were_no_controls(&self) -> bool {
         matches!(self, Self::Own | Self::Free { is_outside: true, .. })
     }
 }
@@ -202,9 +205,13 @@ impl PageFinger {
             self.role = FingerRole::Own;
         }
         match &mut self.role {
-            FingerRole::On(contact) => contact.move_finger(finger.x_px, finger.y_px, now),
+            FingerRole::On(contact) => {
+                contact.move_finger_and_find_click_g_if_detent_passed(finger.x_px, finger.y_px, now)
+            }
             FingerRole::Free { edges, .. } => {
-                let crossed = edges.iter_mut().filter_map(|edge| edge.move_finger(finger.x_px, finger.y_px));
+                let crossed = edges
+                    .iter_mut()
+                    .filter_map(|edge| edge.move_finger_and_find_click_g_if_border_crossed(finger.x_px, finger.y_px));
                 crossed.reduce(f64::max)
             }
             FingerRole::Own | FingerRole::Nothing => None,

@@ -173,7 +173,7 @@ fn a_texture_ends_when_its_finger_rests() {
     assert!(peaks.len() >= 19 && peaks.is_sorted() && (0.24..=0.25).contains(peaks.last().unwrap()), "{peaks:?}");
     let rests = page.controls.find_next_time_when_a_stroke_will_rest().unwrap();
     assert_eq!(rests - page.now, Duration::from_millis(50));
-    assert_eq!(page.controls.let_time_pass(rests, 0), Felt::default());
+    assert_eq!(page.controls.update_felt_with_fingers_unmoved(rests, 0), Felt::default());
     assert_eq!(page.controls.find_next_time_when_a_stroke_will_rest(), None);
     // The messages of another finger do not keep it moving.
     page.now = rests;

@@ -53,7 +53,7 @@ impl RecordingFiles {
     ///
     /// # Errors
     /// As the file system has it.
-    pub fn create_first_file(wanted: &Path, kept: KeptBytes, scene: &str) -> Result<Self> {
+    pub fn create_first_file_and_remove_oldest_recordings(wanted: &Path, kept: KeptBytes, scene: &str) -> Result<Self> {
         let is_in_folder = Recorder::is_folder_path(wanted);
         if is_in_folder {
             make_private_folder(wanted)?;
@@ -275,8 +275,10 @@ mod tests {
             for _ in 0..2 {
                 let recorder = Recorder::start_with_kept_bytes(&path, "desk", kept).unwrap();
                 for i in 0..1000 {
-                    recorder
-                        .record_line("touch", || json!({"id": i, "body": {"x_px": 1, "y_px": 2, "duration_ms": 1000}}));
+                    recorder.queue_line_or_count_as_left_out_if_full(
+                        "touch",
+                        || json!({"id": i, "body": {"x_px": 1, "y_px": 2, "duration_ms": 1000}}),
+                    );
                     if i % 100 == 99 {
                         // The disk has time.
                         std::thread::sleep(Duration::from_millis(20));

@@ -75,7 +75,7 @@ impl Recorder {
     /// # Errors
     /// As the file system has it.
     pub fn start_with_kept_bytes(path: &Path, scene: &str, kept: KeptBytes) -> std::io::Result<Self> {
-        let files = RecordingFiles::create_first_file(path, kept, scene)?;
+        let files = RecordingFiles::create_first_file_and_remove_oldest_recordings(path, kept, scene)?;
         tracing::info!("recording to {}", files.current_path().display());
         let (lines, inbox) = sync_channel(WAITING);
         let waiting_bytes = Arc::<AtomicUsize>::default();
@@ -102,7 +102,7 @@ impl Recorder {
     }
 
     /// A line of a kind, with its time in ms since the recording began.
-    pub fn record_line(&self, kind: &str, content: impl FnOnce() -> Value) {
+    pub fn queue_line_or_count_as_left_out_if_full(&self, kind: &str, content: impl FnOnce() -> Value) {
         let left_out_before = self.left_out.swap(0, Ordering::Relaxed);
         let at = self.started.elapsed();
         let line = RecordingLine { at, kind: kind.into(), left_out_before, content: content().to_string() };

@@ -166,7 +166,11 @@ impl Admission {
     ///
     /// # Errors
     /// [`Problem`] if nothing is.
-    pub fn find_outcome(&self, client: Client, key: &str) -> Result<RequestOutcome, Problem> {
+    pub fn find_outcome_by_request_number_or_own_name(
+        &self,
+        client: Client,
+        key: &str,
+    ) -> Result<RequestOutcome, Problem> {
         let known = self.lock_known_requests();
         // Of the ways to write a number its own only: `+3` and `03` are no names of the third.
         let id = key.parse().ok().filter(|id: &u64| id.to_string() == key);
@@ -263,21 +267,27 @@ mod tests {
         let own = Client::default();
         let (a, b) = (admission.register_request(own, Some("tap".into())), admission.register_request(own, None));
         assert!(b > a);
-        assert_eq!(admission.find_outcome(own, "tap").unwrap().state, "waiting");
+        assert_eq!(admission.find_outcome_by_request_number_or_own_name(own, "tap").unwrap().state, "waiting");
         admission.record_outcome(a, Ok(json!({"plan_id": a})));
         admission.record_outcome(b, Err(Problem::bad_body("no".into())));
         for key in ["tap", &a.to_string()] {
-            let told = json!(admission.find_outcome(own, key).unwrap());
+            let told = json!(admission.find_outcome_by_request_number_or_own_name(own, key).unwrap());
             assert_eq!(
                 (&told["id"], &told["answer"], &told["status"]),
                 (&json!(a), &json!({"plan_id": a}), &json!(200))
             );
         }
-        assert_eq!(json!(admission.find_outcome(own, &b.to_string()).unwrap())["problem"]["status"], 400);
+        assert_eq!(
+            json!(admission.find_outcome_by_request_number_or_own_name(own, &b.to_string()).unwrap())["problem"]["status"],
+            400
+        );
         for _ in 0..KEPT {
             admission.register_request(own, None);
         }
-        assert_eq!(admission.find_outcome(own, "tap").unwrap_err().status().as_u16(), 404);
+        assert_eq!(
+            admission.find_outcome_by_request_number_or_own_name(own, "tap").unwrap_err().status().as_u16(),
+            404
+        );
     }
 
     #[test]
@@ -285,12 +295,19 @@ mod tests {
         let admission = Admission::default();
         let (one, other) = (Client::with_token_number(1), Client::with_token_number(2));
         let first = admission.register_request(one, Some("tap-1".into()));
-        assert_eq!(admission.find_outcome(other, "tap-1").unwrap_err().status().as_u16(), 404);
+        assert_eq!(
+            admission.find_outcome_by_request_number_or_own_name(other, "tap-1").unwrap_err().status().as_u16(),
+            404
+        );
         let second = admission.register_request(other, Some("tap-1".into()));
         for _ in 0..2 * KEPT {
             admission.register_request(other, None);
         }
-        assert_eq!(admission.find_outcome(one, "tap-1").unwrap().id, first);
-        assert_eq!(admission.find_outcome(other, "tap-1").unwrap_err().status().as_u16(), 404, "{second} has made way");
+        assert_eq!(admission.find_outcome_by_request_number_or_own_name(one, "tap-1").unwrap().id, first);
+        assert_eq!(
+            admission.find_outcome_by_request_number_or_own_name(other, "tap-1").unwrap_err().status().as_u16(),
+            404,
+            "{second} has made way"
+        );
     }
 }

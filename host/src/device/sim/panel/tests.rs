@@ -64,7 +64,11 @@ fn driven_transducer(era: Transducer, step_s: f64, period_ticks: u32, volts: u32
     let mut panel = SimPanel::with_step(&system, vec![era], step_s);
     let mut source = SimTimer::new(0.0).expect("idle");
     source
-        .preload_period(&TimerPeriod::with_windows(170, period_ticks, period_ticks / 3, false), 0.0, 0.0)
+        .preload_repeating_period_and_drop_later_ones(
+            &TimerPeriod::with_windows(170, period_ticks, period_ticks / 3, false),
+            0.0,
+            0.0,
+        )
         .expect("a period");
     panel.set_channel_timer(0, Some(source));
     panel.set_timers_connected_to_electrodes(true);

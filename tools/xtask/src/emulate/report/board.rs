@@ -90,14 +90,14 @@ impl EmulatedBoard {
     /// # Errors
     /// [`Error::Bridge`].
     pub fn power_cycle(&mut self) -> Result<(), Error> {
-        self.power_cycle_and_time_boot_ms(&json!({})).map(|_| ())
+        self.power_cycle_with_fault_and_time_boot_ms(&json!({})).map(|_| ())
     }
 
     /// Power off and on, with this fault there from the beginning; the time in ms until the firmware is up.
     ///
     /// # Errors
     /// [`Error::Bridge`].
-    pub fn power_cycle_and_time_boot_ms(&mut self, fault: &Value) -> Result<f64, Error> {
+    pub fn power_cycle_with_fault_and_time_boot_ms(&mut self, fault: &Value) -> Result<f64, Error> {
         let answer = self.bridge.send_command(&json!({"op": "restart", "inject": fault}))?;
         self.edges = PinEdges::default();
         Ok(answer["boot_virtual_s"].as_f64().unwrap_or(f64::NAN) * 1e3)

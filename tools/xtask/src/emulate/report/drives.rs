@@ -42,7 +42,7 @@ pub const fn make_drive(
 ///
 /// # Errors
 /// If the board does not answer.
-pub fn add_rows_of_drive_change(
+pub fn set_drives_and_add_rows_comparing_registers_and_pins(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
@@ -173,8 +173,9 @@ fn add_row_of_overlaps_guards_and_odd_pulse_widths(
             let program = compute_expected_timer_program(drive)?;
             widths.push(u64::from(program.width) * u64::from(program.divider));
         }
-        let whole =
-            merge_touching_pulses(&track.pulses).into_iter().filter(|pulse| pulse.from > began && pulse.to < ended);
+        let whole = merge_adjacent_pulses_of_same_electrode(&track.pulses)
+            .into_iter()
+            .filter(|pulse| pulse.from > began && pulse.to < ended);
         odd += whole.filter(|pulse| !widths.contains(&(pulse.to - pulse.from))).count();
     }
     let least = u64::from(GUARD_NANOSECONDS) * 170 / 1000;
@@ -189,7 +190,7 @@ fn add_row_of_overlaps_guards_and_odd_pulse_widths(
 }
 
 /// Pulses of which those that touch are one.
-pub fn merge_touching_pulses(pulses: &[Pulse]) -> Vec<Pulse> {
+pub fn merge_adjacent_pulses_of_same_electrode(pulses: &[Pulse]) -> Vec<Pulse> {
     let mut whole: Vec<Pulse> = Vec::new();
     for pulse in pulses {
         match whole.last_mut() {

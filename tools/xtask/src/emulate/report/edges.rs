@@ -71,7 +71,7 @@ impl ChannelPins {
             // The outputs were not yet connected in what lies before.
             let pulse = Pulse { from: pulse.from.max(from), ..pulse };
             if pulse.from < pulse.to {
-                check.note_pulse(pulse);
+                check.add_pulse_to_guard_and_overlap_statistics(pulse);
                 pulses.push(pulse);
             }
         });

@@ -1,7 +1,7 @@
 //! Envelopes that the board plays by itself.
 
 use super::board::{CLOCKS_PER_MS, EmulatedBoard};
-use super::drives::{make_drive, merge_touching_pulses};
+use super::drives::{make_drive, merge_adjacent_pulses_of_same_electrode};
 use super::edges::electrode_letter;
 use super::expected::compute_expected_timer_program;
 use super::table::ReportTable;
@@ -59,18 +59,18 @@ pub fn add_rows_of_click_and_ramp_envelopes(board: &mut EmulatedBoard, table: &m
     let guard_us = guard.map_or(f64::NAN, |clocks| clocks as f64 / 170.0);
     let seen = format!("overlap {overlap}, guard {guard_us:.1} us");
     table.add_row("effects: pins", "overlap 0, guard >= 200 us", &seen, overlap == 0 && guard_us >= 200.0);
-    add_rows_of_click_order_and_start(board, table, start)?;
+    add_rows_of_click_electrode_order_and_start_time(board, table, start)?;
     add_row_of_ramp_force_levels(board, table)
 }
 
 /// Four cycles, two reversed ones, then nothing; from the first boundary after the start.
-fn add_rows_of_click_order_and_start(
+fn add_rows_of_click_electrode_order_and_start_time(
     board: &EmulatedBoard,
     table: &mut ReportTable,
     earliest_and_latest_start_clock: [u64; 2],
 ) -> Result<(), Error> {
     let [track, ..] = &board.edges.tracks;
-    let pulses = merge_touching_pulses(&track.pulses);
+    let pulses = merge_adjacent_pulses_of_same_electrode(&track.pulses);
     let order: String = pulses.iter().map(|pulse| electrode_letter(pulse.electrode)).collect();
     table.add_comparison_row("click: electrodes in order", "ABABABABBABA", &order);
     let program = compute_expected_timer_program(&CLICK)?;
@@ -99,7 +99,7 @@ fn add_row_of_ramp_force_levels(board: &EmulatedBoard, table: &mut ReportTable) 
     let Some((origin, _, _)) = track.origin_clock_and_clocks_per_tick_and_period() else {
         return Err(Error::NoReply("no pulses of the ramp".to_owned()));
     };
-    let pulses = merge_touching_pulses(&track.pulses);
+    let pulses = merge_adjacent_pulses_of_same_electrode(&track.pulses);
     let Some(first) = pulses.first() else { return Err(Error::NoReply("no pulses of the ramp".to_owned())) };
     // Period of a pulse, counted from that of the first one, which begins at the ramp's start or one period later.
     let period = |at: u64| ((at + clocks - origin % clocks) / clocks) as f64;

@@ -8,8 +8,8 @@ use super::board::EmulatedBoard;
 use super::drives::make_drive;
 use super::table::ReportTable;
 use super::trips::{
-    add_row_of_latched_fault, delay_until_all_off_if_off_by_now_ms, electrode_fault,
-    heal_faults_and_add_rows_of_rearming,
+    add_row_of_latched_fault, delay_until_all_off_if_off_by_now_ms, heal_faults_and_add_rows_of_rearming,
+    make_electrode_fault_json,
 };
 use crate::error::Error;
 use era_shared::protocol::{ChannelDrive, FaultCode, Reply, Request};
@@ -50,11 +50,11 @@ const fn new_broken_electrode(
     name: &'static str,
     era: u8,
     electrode: &'static str,
-    is: &'static str,
+    defect: &'static str,
     volts: u32,
     frequency_millihertz: u32,
 ) -> BrokenWhileDriving {
-    BrokenWhileDriving { name, era, electrode, is, volts, frequency_millihertz }
+    BrokenWhileDriving { name, era, electrode, is: defect, volts, frequency_millihertz }
 }
 
 /// All of it, each from power-up.
@@ -72,7 +72,7 @@ pub fn check_electrode_currents(board: &mut EmulatedBoard, table: &mut ReportTab
     }
 }
 
-fn power_up_and_set(board: &mut EmulatedBoard, drives: &[ChannelDrive]) -> Result<(), Error> {
+fn power_cycle_arm_and_set_drives(board: &mut EmulatedBoard, drives: &[ChannelDrive]) -> Result<(), Error> {
     board.power_cycle()?;
     board.arm_and_wait()?;
     match board.set_drives(drives)? {
@@ -81,7 +81,7 @@ fn power_up_and_set(board: &mut EmulatedBoard, drives: &[ChannelDrive]) -> Resul
     }
 }
 
-fn read_mean_microamps(board: &mut EmulatedBoard) -> Result<f64, Error> {
+fn measure_mean_reported_current_advancing_time_microamps(board: &mut EmulatedBoard) -> Result<f64, Error> {
     let (mut sum, begin) = (0.0, board.read_clock_cycles()?);
     for look in 1..=LOOKS {
         // A question takes some time of the board, too.
@@ -104,11 +104,11 @@ fn add_rows_of_current_of_intact_electrodes(
 ) -> Result<(), Error> {
     const VOLTS: u32 = 600;
     let drives = [0, 1, 2, 3].map(|channel| make_drive(channel, frequency_millihertz, 600_000, 0, VOLTS * 1_000));
-    power_up_and_set(board, &drives)?;
+    power_cycle_arm_and_set_drives(board, &drives)?;
     board.advance_time_with_keep_alives(SOUND_S)?;
     let (volts, hertz) = (f64::from(VOLTS), f64::from(frequency_millihertz) / 1e3);
     let expected = (4.0 * 2.0 * 116e-12 * volts * hertz + 2.0 * volts / 50e6) * 1e6;
-    let seen = read_mean_microamps(board)?;
+    let seen = measure_mean_reported_current_advancing_time_microamps(board)?;
     // Single looks at a current that comes in lumps: a fifth of it.
     table.add_row(
         &format!("{name}: average current"),
@@ -128,14 +128,14 @@ fn add_rows_of_broken_electrode_while_driving(
     broken: &BrokenWhileDriving,
 ) -> Result<(), Error> {
     let name = broken.name;
-    power_up_and_set(
+    power_cycle_arm_and_set_drives(
         board,
         &[make_drive(broken.era - 1, broken.frequency_millihertz, 800_000, 0, broken.volts * 1_000)],
     )?;
     board.advance_time_with_keep_alives(0.6)?;
     board.update_pin_edges_until_now()?;
     let since = board.read_clock_cycles()?;
-    board.inject_fault(&electrode_fault(broken.era.into(), broken.electrode, broken.is))?;
+    board.inject_fault(&make_electrode_fault_json(broken.era.into(), broken.electrode, broken.is))?;
     board.advance_time_with_keep_alives(NOTICED_MS / 1e3 + 0.01)?;
     let off = delay_until_all_off_if_off_by_now_ms(board, since)?;
     table.add_time_limit_row(&format!("{name}: electrodes off"), NOTICED_MS, off);

@@ -33,11 +33,14 @@ pub fn describe_output_state(board: &mut EmulatedBoard) -> Result<String, Error>
     let pins = board.read_pins()?;
     let low = pins.iter().filter(|(name, pin)| name.starts_with("era") && is_output_driven_low(pin)).count();
     let [one, two] = board.read_set_points_and_rail_voltages()?.rails;
-    Ok(format!("CEN {counting} MOE {enabled} electrodes low {low} {} DAC {one}/{two}", describe_supply_switches(&pins)))
+    Ok(format!(
+        "CEN {counting} MOE {enabled} electrodes low {low} {} DAC {one}/{two}",
+        describe_high_voltage_enable_and_discharge_pins(&pins)
+    ))
 }
 
 /// Supply and discharge as `HV 1 discharge 11`: high means that it is on, and that a switch is open.
-pub fn describe_supply_switches(pins: &BTreeMap<String, Pin>) -> String {
+pub fn describe_high_voltage_enable_and_discharge_pins(pins: &BTreeMap<String, Pin>) -> String {
     let high = |name: &str| u8::from(pins.get(name).is_some_and(|pin| pin.high == Some(true)));
     format!("HV {} discharge {}{}", high("high_voltage_enable"), high("discharge1"), high("discharge2"))
 }

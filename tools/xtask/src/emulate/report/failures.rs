@@ -49,7 +49,7 @@ struct InjectedFailure {
 }
 
 /// All of them, each from power-up.
-pub fn check_failures(board: &mut EmulatedBoard, table: &mut ReportTable) {
+pub fn check_restart_after_injected_processor_failures(board: &mut EmulatedBoard, table: &mut ReportTable) {
     let failure = |name, fault, code, cause, limit_ms| {
         let resets = if cause == ResetCause::PowerOn { 2 } else { 1 };
         InjectedFailure { name, fault, code, cause, limit_ms, resets }
@@ -126,7 +126,7 @@ pub fn check_failures(board: &mut EmulatedBoard, table: &mut ReportTable) {
 /// The first start after power-on has itself reset by the watchdog. A board whose watchdog does not do that never arms.
 fn add_rows_of_watchdog_self_test_at_start(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let name = "start: watchdog tried";
-    let up_ms = board.power_cycle_and_time_boot_ms(&json!({}))?;
+    let up_ms = board.power_cycle_with_fault_and_time_boot_ms(&json!({}))?;
     table.add_comparison_row(
         name,
         "[\"watchdog\"]",
@@ -136,13 +136,13 @@ fn add_rows_of_watchdog_self_test_at_start(board: &mut EmulatedBoard, table: &mu
     table.add_time_limit_row(&format!("{name}: firmware up"), STARTED_MS, Some(up_ms));
     table.add_comparison_row(&format!("{name}: reset cause in the hello"), "PowerOn", &read_reset_cause(board)?);
     let name = "start: watchdog broken";
-    board.power_cycle_and_time_boot_ms(&json!({"watchdog": "broken"}))?;
+    board.power_cycle_with_fault_and_time_boot_ms(&json!({"watchdog": "broken"}))?;
     table.add_comparison_row(name, "[]", &format!("{:?}", board.read_cause_of_each_reset_until_firmware_was_up()?));
     table.add_comparison_row(&format!("{name}: reset cause in the hello"), "PowerOn", &read_reset_cause(board)?);
     add_rows_of_fault_surviving_clear_and_arm(board, table, name, FaultCode::Watchdog, 1_000)?;
     // It resets the chip when it is tried, but then keeps its longest time, 512 ms.
     let name = "start: watchdog keeps its longest time";
-    board.power_cycle_and_time_boot_ms(&json!({"watchdog": "slow"}))?;
+    board.power_cycle_with_fault_and_time_boot_ms(&json!({"watchdog": "slow"}))?;
     table.add_comparison_row(
         name,
         "[\"watchdog\"]",
@@ -200,7 +200,7 @@ fn add_rows_of_arming_with_option_bytes(board: &mut EmulatedBoard, table: &mut R
         ("start: boots from bank 2", DELIVERED | 1 << 20),
     ];
     for (name, options) in wrong {
-        board.power_cycle_and_time_boot_ms(&json!({"option_bytes": options}))?;
+        board.power_cycle_with_fault_and_time_boot_ms(&json!({"option_bytes": options}))?;
         add_rows_of_fault_surviving_clear_and_arm(board, table, name, FaultCode::OptionBytes, options)?;
     }
     // BOR_LEV 4, single bank, other boot settings, a reset pin that is an input only, parity: all of them arm.
@@ -213,7 +213,7 @@ fn add_rows_of_arming_with_option_bytes(board: &mut EmulatedBoard, table: &mut R
         ("start: SRAM parity on", PARITY_ON),
     ];
     for (name, options) in accepted {
-        board.power_cycle_and_time_boot_ms(&json!({"option_bytes": options}))?;
+        board.power_cycle_with_fault_and_time_boot_ms(&json!({"option_bytes": options}))?;
         let armed = board.arm_and_wait();
         let seen = armed.as_ref().map_or_else(ToString::to_string, |()| "armed".to_owned());
         table.add_comparison_row(name, "armed", &seen);
@@ -313,7 +313,7 @@ fn add_rows_of_brown_out_with_and_without_sram_parity(
     table: &mut ReportTable,
 ) -> Result<(), Error> {
     let name = "SRAM parity on, brown-out while live";
-    board.power_cycle_and_time_boot_ms(&json!({"option_bytes": PARITY_ON}))?;
+    board.power_cycle_with_fault_and_time_boot_ms(&json!({"option_bytes": PARITY_ON}))?;
     let full = read_drive_time_left_of_each_channel_ms(board)?;
     board.arm_and_wait()?;
     // Near the largest force, which is charged by nearly all the time that passes: a start does not earn that back.
@@ -339,7 +339,7 @@ fn add_rows_of_brown_out_with_and_without_sram_parity(
         ("SRAM parity on, option bytes loaded", PARITY_ON, "option_bytes", true),
         ("SRAM parity off, brown-out", DELIVERED, "brown_out", false),
     ] {
-        board.power_cycle_and_time_boot_ms(&json!({"option_bytes": options}))?;
+        board.power_cycle_with_fault_and_time_boot_ms(&json!({"option_bytes": options}))?;
         let notes = board.find_symbol_address("__suninit")?..board.find_symbol_address("__euninit")?;
         // Of the stack some words that are not in use.
         let stack = board.find_symbol_address("_stack_end")?..board.find_symbol_address("_stack_start")? - STACK_IN_USE;

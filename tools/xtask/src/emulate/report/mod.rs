@@ -39,12 +39,12 @@ pub enum ReportEnd {
 
 /// The parts of the report, each of which powers its board up itself, the longest first.
 const PARTS: [fn(&mut EmulatedBoard, &mut ReportTable); 7] = [
-    session::check_session,
-    trips::check_trips,
-    failures::check_failures,
+    session::check_healthy_session_from_boot_to_host_silence,
+    trips::check_injected_trips_while_driving_and_at_arming,
+    failures::check_restart_after_injected_processor_failures,
     electrodes::check_electrode_currents,
-    permit::check_permit,
-    settings::check_settings,
+    permit::check_permit_line_and_hardware_trips_with_hung_processor,
+    settings::check_protective_register_settings_and_trip_thresholds,
     load::check_processor_load,
 ];
 
@@ -78,7 +78,7 @@ pub fn run_board_checks_printing_report(image: &Path, end: ReportEnd) -> Result<
         ends.collect::<Result<(), Error>>()
     })?;
     let whole = whole.into_inner().map_err(|_| Error::Report(1))?;
-    whole.print_figures_and_wrong_rows();
+    whole.print_measured_values_and_wrong_rows();
     match whole.count_wrong_rows() {
         0 => Ok(()),
         wrong => Err(Error::Report(wrong)),

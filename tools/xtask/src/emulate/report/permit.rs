@@ -29,7 +29,7 @@ const MISSING_BREAKS: [(&str, &str, u32); 4] = [
 ];
 
 /// All of it, each from power-up.
-pub fn check_permit(board: &mut EmulatedBoard, table: &mut ReportTable) {
+pub fn check_permit_line_and_hardware_trips_with_hung_processor(board: &mut EmulatedBoard, table: &mut ReportTable) {
     table
         .run_part_adding_row_on_error("permit", |table| add_row_of_permit_line_at_boot_armed_and_stopped(board, table));
     let (interlock, nothing) = (json!({"interlock": "open"}), json!({}));
@@ -42,23 +42,25 @@ pub fn check_permit(board: &mut EmulatedBoard, table: &mut ReportTable) {
     ];
     for (name, before, fault) in trips {
         table.run_part_adding_row_on_error(name, |table| {
-            hang_processor_while_driving_with_fault(board, before)?;
+            power_up_drive_inject_fault_and_hang_processor(board, before)?;
             add_rows_of_trip_of_hung_board(board, table, name, fault)
         });
     }
     let name = "processor runs astray, then interlock opened";
     table.run_part_adding_row_on_error(name, |table| {
-        hang_processor_while_driving_with_fault(board, &nothing)?;
+        power_up_drive_inject_fault_and_hang_processor(board, &nothing)?;
         write_over_break_registers(board)?;
         add_rows_of_trip_of_hung_board(board, table, name, &interlock)
     });
     for (name, timer, detail) in MISSING_BREAKS {
         table.run_part_adding_row_on_error(name, |table| {
-            add_row_of_arming_with_missing_break(board, table, name, timer, detail)
+            add_row_of_self_test_finding_timer_without_break_input(board, table, name, timer, detail)
         });
     }
     let name = "arm: break interrupt disabled in the NVIC";
-    table.run_part_adding_row_on_error(name, |table| add_row_of_arming_without_break_interrupt(board, table, name));
+    table.run_part_adding_row_on_error(name, |table| {
+        add_row_of_self_test_finding_disabled_break_interrupt(board, table, name)
+    });
 }
 
 /// The line is low unless a rail may be charged.
@@ -85,9 +87,9 @@ fn add_row_of_permit_line_at_boot_armed_and_stopped(
 }
 
 /// No instruction is carried out any more, at any priority.
-fn hang_processor_while_driving_with_fault(board: &mut EmulatedBoard, before: &Value) -> Result<(), Error> {
+fn power_up_drive_inject_fault_and_hang_processor(board: &mut EmulatedBoard, fault: &Value) -> Result<(), Error> {
     power_up_and_drive(board)?;
-    board.inject_fault(before)?;
+    board.inject_fault(fault)?;
     board.inject_fault(&json!({"handler": {"runs": "loop", "priority": 0}}))?;
     board.advance_time(HUNG_S)
 }
@@ -151,7 +153,7 @@ fn add_rows_of_trip_of_hung_board(
 }
 
 /// A break that does not reach one of the timers: the self-test tells which.
-fn add_row_of_arming_with_missing_break(
+fn add_row_of_self_test_finding_timer_without_break_input(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
@@ -172,7 +174,7 @@ fn add_row_of_arming_with_missing_break(
 }
 
 /// A break clears the timers' outputs, but its interrupt does not run.
-fn add_row_of_arming_without_break_interrupt(
+fn add_row_of_self_test_finding_disabled_break_interrupt(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,

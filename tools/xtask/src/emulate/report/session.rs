@@ -3,13 +3,13 @@
 use super::board::{CLOCKS_PER_MS, EmulatedBoard};
 use super::channels::CHANNELS;
 use super::drives::{
-    self, add_reply_row, add_rows_of_drive_change, add_rows_of_rapid_drive_changes,
-    add_rows_of_registers_rails_and_phases,
+    self, add_reply_row, add_rows_of_rapid_drive_changes, add_rows_of_registers_rails_and_phases,
+    set_drives_and_add_rows_comparing_registers_and_pins,
 };
 use super::effects;
 use super::expected::{
-    ALL_OFF, compute_expected_registers, describe_output_state, describe_supply_switches, format_read_registers,
-    format_registers,
+    ALL_OFF, compute_expected_registers, describe_high_voltage_enable_and_discharge_pins, describe_output_state,
+    format_read_registers, format_registers,
 };
 use super::table::ReportTable;
 use super::windows;
@@ -27,7 +27,7 @@ const TOO_NEW: u8 = CURRENT_VERSION + 7;
 type SessionPart = fn(&mut EmulatedBoard, &mut ReportTable) -> Result<(), Error>;
 
 /// All of it, in one life of the board; what cannot be carried out ends it.
-pub fn check_session(board: &mut EmulatedBoard, table: &mut ReportTable) {
+pub fn check_healthy_session_from_boot_to_host_silence(board: &mut EmulatedBoard, table: &mut ReportTable) {
     let parts: [(&str, SessionPart); 8] = [
         ("boot and questions", add_rows_of_boot_and_hello),
         ("refusals", add_rows_of_unarmed_drive_refusal_and_garbage),
@@ -74,7 +74,7 @@ fn add_rows_of_unarmed_drive_refusal_and_garbage(
     let expected = Some(Refusal::State { state: SafetyState::Safe, event: SafetyEvent::Drive });
     table.add_comparison_row("drive without arming", &format!("{expected:?}"), &format!("{refused:?}"));
     let before = board.read_status()?.link;
-    board.exchange_raw_bytes_until_first_frame(&make_garbage_bytes()?, 0.05)?;
+    board.exchange_raw_bytes_until_first_frame(&make_noise_then_half_frame_then_corrupted_frame_bytes()?, 0.05)?;
     let after = board.read_status()?;
     let seen = format!("state {}, {} bad frames", after.state.name(), after.link.bad_frames - before.bad_frames);
     table.add_comparison_row("garbage, a cut frame, a changed bit", "state safe, 3 bad frames", &seen);
@@ -83,7 +83,7 @@ fn add_rows_of_unarmed_drive_refusal_and_garbage(
 }
 
 /// A stretch of bytes that is no frame, the first half of an `Arm`, and an `Arm` with one bit changed.
-fn make_garbage_bytes() -> Result<Vec<u8>, Error> {
+fn make_noise_then_half_frame_then_corrupted_frame_bytes() -> Result<Vec<u8>, Error> {
     let mut frame = [0; MAX_ENCODED];
     let arm = Request::Arm { deadman_ms: None };
     let length = encode_frame(CURRENT_VERSION, FrameKind::Request, 9, &arm, &mut frame).map_err(Error::Encode)?;
@@ -115,7 +115,11 @@ fn add_rows_of_arming(board: &mut EmulatedBoard, table: &mut ReportTable) -> Res
             &format_read_registers(channel, &seen),
         );
     }
-    table.add_comparison_row("armed: switches", "HV 1 discharge 11", &describe_supply_switches(&board.read_pins()?));
+    table.add_comparison_row(
+        "armed: switches",
+        "HV 1 discharge 11",
+        &describe_high_voltage_enable_and_discharge_pins(&board.read_pins()?),
+    );
     board.update_pin_edges_until_now()?;
     let (_, _, pulses) = board.edges.overlap_and_least_guard_clocks_and_pulse_count();
     table.add_comparison_row("armed: pulses on any electrode", "0", &pulses.to_string());
@@ -128,12 +132,12 @@ fn add_rows_of_driving_and_changes(board: &mut EmulatedBoard, table: &mut Report
     let refused = board.set_drives(&beyond)?;
     let expected = Some(Refusal::Current { requested_microamps: 637, max_microamps: 500 });
     table.add_comparison_row("drives beyond the supply", &format!("{expected:?}"), &format!("{refused:?}"));
-    add_rows_of_drive_change(board, table, "drive", None, &drives::FIRST)?;
+    set_drives_and_add_rows_comparing_registers_and_pins(board, table, "drive", None, &drives::FIRST)?;
     let mut now = drives::FIRST;
     let mut next = |table: &mut ReportTable, name: &str, edit: &dyn Fn(&mut [ChannelDrive; 4])| {
         let before = now;
         edit(&mut now);
-        add_rows_of_drive_change(board, table, name, Some(&before), &now)
+        set_drives_and_add_rows_comparing_registers_and_pins(board, table, name, Some(&before), &now)
     };
     next(table, "other frequency", &|drives| {
         drives[0].frequency_millihertz = 250_000;

@@ -120,7 +120,7 @@ const SETTINGS_WHILE_LIVE: [Setting; 2] = [
 ];
 
 /// The whole part of the report.
-pub fn check_settings(board: &mut EmulatedBoard, table: &mut ReportTable) {
+pub fn check_protective_register_settings_and_trip_thresholds(board: &mut EmulatedBoard, table: &mut ReportTable) {
     table.run_part_adding_row_on_error("settings", |table| {
         add_rows_of_register_settings_and_trip_thresholds(board, table)
     });

@@ -52,7 +52,7 @@ impl ReportTable {
             self.wrong.push(step.to_owned());
             if self.end == ReportEnd::FirstWrongRow {
                 self.print_rows();
-                self.print_figures_and_wrong_rows();
+                self.print_measured_values_and_wrong_rows();
                 // The emulated boards end as their standard inputs close.
                 std::process::exit(1);
             }
@@ -96,7 +96,7 @@ impl ReportTable {
     }
 
     /// Prints the figures and what was wrong.
-    pub fn print_figures_and_wrong_rows(&self) {
+    pub fn print_measured_values_and_wrong_rows(&self) {
         println!();
         for (name, value) in &self.figures {
             println!("{name:<60} {value}");

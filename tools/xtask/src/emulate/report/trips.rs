@@ -30,7 +30,7 @@ struct InjectedTrip {
 }
 
 /// All of them, each from power-up.
-pub fn check_trips(board: &mut EmulatedBoard, table: &mut ReportTable) {
+pub fn check_injected_trips_while_driving_and_at_arming(board: &mut EmulatedBoard, table: &mut ReportTable) {
     for trip in list_trips_while_driving() {
         table.run_part_adding_row_on_error(trip.name, |table| add_rows_of_trip_while_driving(board, table, &trip));
     }
@@ -198,10 +198,10 @@ fn list_faults_before_arming() -> Vec<(&'static str, Value, FaultCode)> {
             json!({"discharge": "line_open"}),
             FaultCode::DischargeSlow,
         ),
-        ("arm: electrode open", electrode_fault(1, "a", "open"), FaultCode::Electrode),
-        ("arm: electrode shorted", electrode_fault(4, "b", "shorted"), FaultCode::Electrode),
-        ("arm: lower switch open", electrode_fault(2, "b", "lower_open"), FaultCode::Electrode),
-        ("arm: lower switch always closed", electrode_fault(3, "a", "lower_stuck"), FaultCode::Electrode),
+        ("arm: electrode open", make_electrode_fault_json(1, "a", "open"), FaultCode::Electrode),
+        ("arm: electrode shorted", make_electrode_fault_json(4, "b", "shorted"), FaultCode::Electrode),
+        ("arm: lower switch open", make_electrode_fault_json(2, "b", "lower_open"), FaultCode::Electrode),
+        ("arm: lower switch always closed", make_electrode_fault_json(3, "a", "lower_stuck"), FaultCode::Electrode),
         ("arm: 3.3 V is 4 % low", json!({"reference": 0.96}), FaultCode::Reference),
         ("arm: dead interlock comparator", json!({"comparator": {"number": 5, "stuck": false}}), FaultCode::SelfTest),
         // At 3.3 V it never trips by its input, and does with its polarity inverted.
@@ -219,8 +219,8 @@ fn list_faults_before_arming() -> Vec<(&'static str, Value, FaultCode)> {
 }
 
 /// One electrode of one ERA, counted from 1, is broken.
-pub fn electrode_fault(era: u32, electrode: &str, is: &str) -> Value {
-    json!({"electrode": {"era": era, "electrode": electrode, "is": is}})
+pub fn make_electrode_fault_json(era: u32, electrode: &str, defect: &str) -> Value {
+    json!({"electrode": {"era": era, "electrode": electrode, "defect": defect}})
 }
 
 /// From power-up to four channels driving.
@@ -394,7 +394,7 @@ const fn new_changed_register(name: &'static str, address: u32, value: u32) -> C
 }
 
 /// ADC_CR of a converter with ADVREGEN alone. What it measures counts as unknown, which is neither a closed loop nor an open one.
-const fn new_disabled_converter(name: &'static str, address: u32) -> ChangedRegister {
+const fn new_changed_register_disabling_adc(name: &'static str, address: u32) -> ChangedRegister {
     ChangedRegister {
         found_by: FaultCode::InterlockOpen,
         found_by_arming: FaultCode::InterlockOpen,
@@ -441,9 +441,9 @@ const CHANGED_REGISTERS: [ChangedRegister; 19] = [
     new_changed_register("over-current threshold not enabled (DAC3_CR)", 0x5000_1000, 0x0000_0001),
     new_changed_register("threshold of the loops lowered (DAC4)", 0x5000_1408, 0),
     new_changed_register("threshold of the loops not connected (DAC4_MCR)", 0x5000_143C, 0x0003_8000),
-    new_disabled_converter("converter of the rails off (ADC1_CR)", 0x5000_0008),
-    new_disabled_converter("converter of the interlock off (ADC3_CR)", 0x5000_0408),
-    new_disabled_converter("converter of the emergency stop off (ADC4_CR)", 0x5000_0508),
+    new_changed_register_disabling_adc("converter of the rails off (ADC1_CR)", 0x5000_0008),
+    new_changed_register_disabling_adc("converter of the interlock off (ADC3_CR)", 0x5000_0408),
+    new_changed_register_disabling_adc("converter of the emergency stop off (ADC4_CR)", 0x5000_0508),
 ];
 
 fn add_rows_of_changed_register(
@@ -462,7 +462,7 @@ fn add_rows_of_changed_register(
     table.add_comparison_row(&format!("{name}: registers"), ALL_OFF, &describe_output_state(board)?);
     add_row_of_latched_fault(board, table, name, found_by)?;
     if found_by == FaultCode::InterlockOpen {
-        add_row_of_unknown_rails_in_details(board, table, name)?;
+        add_row_of_rails_reported_as_unmeasured_in_details(board, table, name)?;
     }
     // Modes are written at boot and locked: clearing the fault does not mend them, a restart does.
     let cleared = if is_standing { Reply::Refused(Refusal::StillThere(found_by)) } else { Reply::FaultsCleared };
@@ -480,7 +480,7 @@ fn add_rows_of_changed_register(
 }
 
 /// What is not measured shows as more than any rail can have, not as a rail that is discharged.
-fn add_row_of_unknown_rails_in_details(
+fn add_row_of_rails_reported_as_unmeasured_in_details(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,

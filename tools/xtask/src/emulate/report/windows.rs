@@ -1,7 +1,7 @@
 //! Windows that the host gives one by one.
 
 use super::board::{CLOCKS_PER_MS, EmulatedBoard};
-use super::drives::merge_touching_pulses;
+use super::drives::merge_adjacent_pulses_of_same_electrode;
 use super::edges::electrode_letter;
 use super::table::ReportTable;
 use crate::error::Error;
@@ -63,7 +63,9 @@ pub fn add_rows_of_window_sequence_at_pins(board: &mut EmulatedBoard, table: &mu
     let ahead = (start_us - now_us) * 170;
     let (earliest, latest) = (before + ahead - CLOCKS_APART, after + ahead + CLOCKS_APART);
     let first = WINDOWS.map(|(_, _, wait, _)| u64::from(wait))[0] * TICK_CLOCKS;
-    let pulses = |board: &EmulatedBoard, channel: usize| merge_touching_pulses(&board.edges.tracks[channel].pulses);
+    let pulses = |board: &EmulatedBoard, channel: usize| {
+        merge_adjacent_pulses_of_same_electrode(&board.edges.tracks[channel].pulses)
+    };
     let Some(start) = pulses(board, 0).first().map(|pulse| pulse.from - first) else {
         table.add_row("windows: played", "pulses", "none", false);
         return Ok(());

@@ -1,6 +1,6 @@
 //! Mistakes in the firmware.
 
-use super::{Mutation, new_mutation, new_unseen_mutation};
+use super::{Mutation, new_mutation, new_undetectable_mutation};
 
 /// All of them.
 pub const MUTATIONS: &[Mutation] = &[
@@ -67,7 +67,7 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "an electrode is tried without a look at the others",
         "firmware/src/electrode_test.rs",
-        ".and_then(|()| check_is_low(find_other_electrode_not_low(pin)));",
+        ".and_then(|()| fail_arming_if_pin_not_low(find_other_electrode_not_low(pin)));",
         ".map(|()| {});",
     ),
     new_mutation(
@@ -280,13 +280,13 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "the thresholds' way to the comparators is not looked at",
         "firmware/src/comparators.rs",
-        "converter.mcr().read().0 == build_threshold_mode_register().0\n            && ",
+        "converter.mcr().read().0 == build_threshold_dac_mode_register().0\n            && ",
         "",
     ),
     new_mutation(
         "the thresholds' enable is not looked at",
         "firmware/src/comparators.rs",
-        "\n            && converter.cr().read().0 == build_threshold_control_register().0",
+        "\n            && converter.cr().read().0 == build_threshold_dac_control_register().0",
         "",
     ),
     new_mutation(
@@ -298,7 +298,7 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "the comparators of the loops are tried without their inputs",
         "firmware/src/breaks.rs",
-        "        .and_then(|()| test_loop_inputs())\n",
+        "        .and_then(|()| test_interlock_and_stop_loop_comparators())\n",
         "",
     ),
     new_mutation(
@@ -322,8 +322,8 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "the voltage detector is locked before it is set up",
         "firmware/src/main.rs",
-        "    brown_out::init_voltage_detector();\n    breaks::init_core_failure_breaks_and_interrupt();",
-        "    breaks::init_core_failure_breaks_and_interrupt();\n    brown_out::init_voltage_detector();",
+        "    brown_out::init_voltage_detector();\n    breaks::connect_core_failures_to_breaks_and_enable_interrupt();",
+        "    breaks::connect_core_failures_to_breaks_and_enable_interrupt();\n    brown_out::init_voltage_detector();",
     ),
     new_mutation(
         "nothing looks at what clears the timer without a break",
@@ -337,7 +337,7 @@ pub const MUTATIONS: &[Mutation] = &[
         "    \"    tst r1, #0x0A000000\",",
         "    \"    tst r1, #0x08000000\",",
     ),
-    new_unseen_mutation(
+    new_undetectable_mutation(
         "no write before the first return address",
         "firmware/src/pre_init.rs",
         ["    \"    str r0, [sp, #-8]\",\n", ""],
@@ -361,31 +361,31 @@ pub const MUTATIONS: &[Mutation] = &[
         "    force_electrodes_and_supply_off();\n    write_note_and_reset(EXCEPTION, number",
         "    write_note_and_reset(EXCEPTION, number",
     ),
-    new_unseen_mutation(
+    new_undetectable_mutation(
         "the device checks in without a tick",
         "firmware/src/device_task.rs",
         ["if device.take_tick_done() {", "if device.take_tick_done() || true {"],
         "a tick is missing only when time stands still, and then nothing wakes the other tasks to check in",
     ),
-    new_unseen_mutation(
+    new_undetectable_mutation(
         "a preload is written while update events are allowed",
         "firmware/src/timers.rs",
         ["regs::Cr1Gp16(registers.cr1 | CR1_UDIS)", "regs::Cr1Gp16(registers.cr1)"],
         "the emulator looks at registers every 5 us, and the writes take some ten clocks",
     ),
-    new_unseen_mutation(
+    new_undetectable_mutation(
         "a link does not tell that a program has opened it",
         "firmware/src/links/mod.rs",
         ["        INBOX.send((link, LinkArrival::Reopened)).await;\n", ""],
         "a UART is opened once, at the start, and the emulator has no USB",
     ),
-    new_unseen_mutation(
+    new_undetectable_mutation(
         "RTS is taken for DTR",
         "firmware/src/links/usb.rs",
         ["line.dtr()", "line.rts()"],
         "the emulator has no USB",
     ),
-    new_unseen_mutation(
+    new_undetectable_mutation(
         "the watchdog does not wait for the tasks of USB",
         "firmware/src/watchdog.rs",
         ["const ALL: u32 = (1 << NAMES.len()) - 1;", "const ALL: u32 = 0b111;"],

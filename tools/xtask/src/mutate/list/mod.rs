@@ -22,7 +22,7 @@ const fn new_mutation(name: &'static str, file: &'static str, from: &'static str
 }
 
 /// A mistake that no test can detect, for this reason.
-const fn new_unseen_mutation(
+const fn new_undetectable_mutation(
     name: &'static str,
     file: &'static str,
     [from, to]: [&'static str; 2],

@@ -25,7 +25,7 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "a reopened link keeps its session",
         "shared/src/device/mod.rs",
-        "            LinkArrival::Reopened => self.reopen_link_switching_off_if_armed(board, port),",
+        "            LinkArrival::Reopened => self.reset_reopened_link_and_stop_if_it_had_armed(board, port),",
         "            LinkArrival::Reopened => port.decoder.discard_partial_frame(),",
     ),
     new_mutation(
@@ -325,8 +325,8 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "electrodes are let go of in their last period",
         "shared/src/waveform/sequencer.rs",
-        "!track.active.is_blank() || !track.preloaded_period().is_blank()",
-        "!track.active.is_blank() && !track.preloaded_period().is_blank()",
+        "!track.active.is_blank() || !track.preloaded_or_else_active_period().is_blank()",
+        "!track.active.is_blank() && !track.preloaded_or_else_active_period().is_blank()",
     ),
     new_mutation(
         "a trip does not clear the outputs of TIM4",
@@ -403,8 +403,8 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "a reset while armed without a drive is forgotten",
         "shared/src/device/live.rs",
-        "        self.keep_for_next_start(board, self.state().is_live());",
-        "        self.keep_for_next_start(board, self.state() == SafetyState::Running);",
+        "        self.store_run_record_for_next_boot(board, self.state().is_live());",
+        "        self.store_run_record_for_next_boot(board, self.state() == SafetyState::Running);",
     ),
     new_mutation(
         "rails are believed although their reference is wrong",
