@@ -263,6 +263,6 @@ impl Board for Stm32Board {
     }
 
     fn request_bootloader_restart(&mut self) {
-        bootloader::signal_bootloader_request();
+        bootloader::ask_task_to_reset_into_bootloader();
     }
 }

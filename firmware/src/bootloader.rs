@@ -36,11 +36,11 @@ const ANSWER_MS: u64 = 50;
 static REQUEST: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
 /// Requests the restart into the bootloader; returns at once, so that the host's request can still be answered.
-pub fn signal_bootloader_request() {
+pub fn ask_task_to_reset_into_bootloader() {
     REQUEST.signal(());
 }
 
-/// Waits for [`signal_bootloader_request`], then leaves the note and resets the chip.
+/// Waits for [`ask_task_to_reset_into_bootloader`], then leaves the note and resets the chip.
 #[embassy_executor::task]
 pub async fn await_request_and_reset() {
     REQUEST.wait().await;

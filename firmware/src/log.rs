@@ -137,7 +137,7 @@ unsafe impl defmt::Logger for Logger {
         let draft = unsafe { &mut *DRAFT.0.get() };
         draft.append_encoded(|encoder, put| encoder.end_frame(put));
         let lost = match draft.bytes.get(..draft.length) {
-            Some(frame) if !draft.too_long => log_ring().push_frame_and_count_lost(frame),
+            Some(frame) if !draft.too_long => log_ring().push_frame_dropping_oldest_and_count_lost_by_it(frame),
             _ => 1,
         };
         LOST.store(LOST.load(Relaxed).saturating_add(lost), Relaxed);

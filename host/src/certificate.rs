@@ -23,7 +23,7 @@ const DER: [&[u8]; 2] = [&[0x30, 0x81], &[0x30, 0x82]];
 pub fn read_certificates(path: &Path) -> Result<Vec<CertificateDer<'static>>, String> {
     let mut bytes = Vec::new();
     let read = private_file::open_without_waiting(path).and_then(|mut file| file.read_to_end(&mut bytes));
-    read.map_err(|error| error.to_string())?;
+    read.map_err(|error| format!("cannot read the file: {error}"))?;
     let bytes = bytes.strip_prefix(BYTE_ORDER_MARK.as_bytes()).unwrap_or(&bytes);
     let found: Result<Vec<CertificateDer<'static>>, pem::Error> = CertificateDer::pem_slice_iter(bytes).collect();
     let found = found.map_err(|error| describe_damage(&error))?;

@@ -23,7 +23,7 @@ pub struct LogRing<'a> {
 impl LogRing<'_> {
     /// Stores a frame, which includes its end byte. Returns how many frames were lost: older ones that made room, or this one
     /// if it is longer than the whole ring.
-    pub fn push_frame_and_count_lost(&self, frame: &[u8]) -> u32 {
+    pub fn push_frame_dropping_oldest_and_count_lost_by_it(&self, frame: &[u8]) -> u32 {
         // One byte stays free, as a full ring would look empty.
         if frame.is_empty() || frame.len() >= self.bytes.len() {
             return 1;
@@ -138,7 +138,7 @@ mod tests {
                     expected.pop_front();
                     lost += 1;
                 }
-                prop_assert_eq!(ring.push_frame_and_count_lost(&frame), lost);
+                prop_assert_eq!(ring.push_frame_dropping_oldest_and_count_lost_by_it(&frame), lost);
                 expected.push_back(frame);
                 if drain {
                     let mut buffer = [0; 64];
@@ -155,7 +155,7 @@ mod tests {
             let memory = Memory::new(64);
             memory.read.store(read, Relaxed);
             memory.write.store(write, Relaxed);
-            memory.ring().push_frame_and_count_lost(&frame(length, 7));
+            memory.ring().push_frame_dropping_oldest_and_count_lost_by_it(&frame(length, 7));
             let mut buffer = [0; 16];
             prop_assert!(memory.ring().take_bytes(&mut buffer) <= 16);
         }
@@ -166,11 +166,15 @@ mod tests {
         let memory = Memory::new(16);
         let mut buffer = [0; 4];
         assert_eq!(memory.ring().take_bytes(&mut buffer), 0);
-        assert_eq!(memory.ring().push_frame_and_count_lost(&frame(6, 3)), 0);
+        assert_eq!(memory.ring().push_frame_dropping_oldest_and_count_lost_by_it(&frame(6, 3)), 0);
         assert_eq!(memory.ring().take_bytes(&mut buffer), 4);
         assert_eq!(memory.ring().take_bytes(&mut buffer), 3);
         assert_eq!(buffer[..3], [3, 3, END]);
         assert_eq!(memory.ring().take_bytes(&mut buffer), 0);
-        assert_eq!(memory.ring().push_frame_and_count_lost(&frame(15, 3)), 1, "longer than the ring can hold");
+        assert_eq!(
+            memory.ring().push_frame_dropping_oldest_and_count_lost_by_it(&frame(15, 3)),
+            1,
+            "longer than the ring can hold"
+        );
     }
 }

@@ -84,7 +84,7 @@ impl Player {
         let start = self.model.sequencer.earliest_sequence_start_clock(used, self.now_us);
         let mut placed = PlacedWindows::from_sequence(&[make_channel_limits(); 4], windows).unwrap();
         placed.set_start_clock(start);
-        self.model.sequencer.play_windows_ending_all_drives(&placed, self.now_us);
+        self.model.sequencer.play_windows_at_their_times_ending_drives_at_next_boundary(&placed, self.now_us);
         (placed, start)
     }
 }

@@ -25,10 +25,10 @@ CONSTANTS = {
             "software": "RCC_CSR: SFTRSTF PINRSTF", "pin": "RCC_CSR: PINRSTF",
         },
         **{name: f"GPIOA_{name} offset" for name in ("MODER", "IDR", "ODR", "AFRL", "AFRH")},
-        **{name: f"ADC1_{name} offset" for name in ("JDR1", "JSQR", "SQR1", "DR", "CR", "CFGR", "CFGR2", "SMPR1")},
+        **{name: f"ADC1_{name} offset" for name in ("JDR1", "JSQR", "SQR1", "DR", "CR", "CFGR", "CFGR2", "SMPR1", "CALFACT")},
         "JSQR_PLACES": tuple(f"ADC1_JSQR first JSQ{n}" for n in range(1, 5)),
         "SQR1_PLACES": tuple(f"ADC1_SQR1 first SQ{n}" for n in range(1, 5)),
-        "ADSTART": "ADC1_CR: ADSTART", "CONT": "ADC1_CFGR: CONT", "ROVSE": "ADC1_CFGR2: ROVSE", "OVSR_SHIFT": "ADC1_CFGR2 first OVSR",
+        "ADSTART": "ADC1_CR: ADSTART", "ADCAL": "ADC1_CR: ADCAL", "CONT": "ADC1_CFGR: CONT", "ROVSE": "ADC1_CFGR2: ROVSE", "OVSR_SHIFT": "ADC1_CFGR2 first OVSR",
         "OVSS_SHIFT": "ADC1_CFGR2 first OVSS", "SMP_BITS": "ADC1_SMPR1 first SMP1", "DAC_CR": "DAC1_CR offset",
         **{name: f"DAC1_{name} offset" for name in ("DHR12R1", "DHR12R2", "DOR1", "DOR2", "MCR")},
         "DAC_ENABLED": ("DAC1_CR: EN1", "DAC1_CR: EN2"), "MODE_SHIFTS": ("DAC1_MCR first MODE1", "DAC1_MCR first MODE2"),
@@ -213,7 +213,7 @@ MODELS = {
     "iwdg": ("IWDG", "STARTED RELOADED WRITABLE TOUCHED"), "rng": ("RNG", ""), "syscfg": ("SYSCFG", ""), "timer": ("TIM1", "SR_SET TOUCHED"),
 }
 CONVERTER_EVENTS = {
-    "ready": ("CR: ADEN", "ISR: ADRDY"), "calibrated": ("CR: ADCAL", "CR: ADCAL"), "disabled": ("CR: ADDIS", "CR: ADEN ADDIS"),
+    "ready": ("CR: ADEN", "ISR: ADRDY"), "calibrated": ("CR: ADCAL", "CR: ADCAL"), "factor": ("CR: ADCAL", "CALFACT: CALFACT_S"), "disabled": ("CR: ADDIS", "CR: ADEN ADDIS"),
 }
 EVENTS = {
     "adc": {

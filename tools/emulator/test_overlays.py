@@ -178,6 +178,7 @@ class ConverterTest(BoardTestCase):
 
     def test_the_first_conversion_after_a_pause_is_wrong(self):
         regular, injected = 1 << 2, 1 << 3
+        self.calibrate(ADC1, ADC3)
         # ADC3 converts the interlock's level twice: 2.185 V.
         self.sim.write_u32(ADC1 + 0x4C, 6 << 9)
         self.sim.write_u32(ADC3 + 0x4C, 5 << 15 | 5 << 9 | 1)

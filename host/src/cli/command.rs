@@ -11,7 +11,7 @@ use super::config::Config;
 use super::doctor::Doctor;
 use super::install::Install;
 use super::plan::PlanOptions;
-use super::told::LogFormat;
+use super::terminal_messages::LogFormat;
 use clap::{Parser, Subcommand};
 
 /// Localized touch feedback on large surfaces: two to four electrostatic resonant actuators (ERAs) vibrate an

@@ -1,6 +1,6 @@
 //! `era completions` and `era man`: what a shell and `man` want to know of the command line.
 
-use super::told::tell;
+use super::terminal_messages::tell;
 use super::{Failure, Outcome, print_text};
 use clap::{Args, Command};
 use clap_complete::Shell;

@@ -11,7 +11,7 @@ use super::serve;
 use super::values::parse_listen_address;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::device::Target;
-use crate::scene::find_nearest_name;
+use crate::scene::{describe_toml_syntax_mistake, find_nearest_name};
 use crate::text_file::read_text_file;
 use clap::{Args, Subcommand};
 use serde_json::json;
@@ -152,7 +152,7 @@ impl ConfigFile {
         let error = |mistakes| ConfigError { source: source.into(), mistakes };
         let document = DeTable::parse(text).map_err(|wrong| {
             let line = wrong.span().map_or(0, |span| line_at(span.start));
-            error(vec![Mistake { line, text: format!("not valid TOML: {}", wrong.message().trim()) }])
+            error(vec![Mistake { line, text: describe_toml_syntax_mistake(text, line, wrong.message()) }])
         })?;
         let (mut settings, mut mistakes) = (Vec::new(), Vec::new());
         let mut has_version = false;
@@ -414,7 +414,7 @@ mod tests {
             ("version = 1\nscene = 7", "era.toml:2: scene is 7, but must be the path of a scene file"),
             (
                 "version = 1\n\nlisten = \"7878\"",
-                "era.toml:3: listen is \"7878\", but must be an address or a name, and a port",
+                "era.toml:3: listen is \"7878\", but must be a text with a host (IP address or name) and a port",
             ),
             ("version = 1\ntolerance = 1", "era.toml:2: tolerance is 1, but must be a number from 1e-8 to 0.1"),
             ("version = 1\nno_cache = \"yes\"", "era.toml:2: no_cache is \"yes\", but must be true or false"),

@@ -167,7 +167,7 @@ pub const KEYS: &[Key] = &[
     Key {
         name: "listen",
         help: "Address or host name to listen on, with a port",
-        allowed: "an address or a name, and a port, such as \"127.0.0.1:7878\", \"localhost:7878\" or \"[::1]:7878\"",
+        allowed: "a text with a host (IP address or name) and a port, such as \"127.0.0.1:7878\", \"localhost:7878\" or \"[::1]:7878\"",
         default: DEFAULT_LISTEN,
         example: "\"127.0.0.1:7878\"",
         rival: None,

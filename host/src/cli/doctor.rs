@@ -167,7 +167,7 @@ fn find_url_and_ask_daemon(options: &Doctor, serve: &Serve) -> Result<(String, D
         (None, _) => read_token_from_file_or_else_environment(None)?,
     };
     let contact = DaemonContact::new(&url, ca.as_deref(), options.proxy.as_ref(), token)?;
-    let way = daemon::WayToDaemon { has_ca: ca.is_some(), has_proxy: options.proxy.is_some() };
+    let way = daemon::DaemonRequestRoute { has_ca: ca.is_some(), has_proxy: options.proxy.is_some() };
     let found = daemon::ask_daemon(&url, &contact.way.make_agent(daemon::ANSWER), contact.bearer.as_deref(), way);
     Ok((url, found))
 }

@@ -198,7 +198,8 @@ fn measure_click_on_panel_without_finger_if_of_windows(
     }
     let table = load_or_compute_plan_table(&options.panel, options.keep, scene)?;
     let Some(poles) = table.panel_poles() else { return Ok(None) };
-    let windows: Vec<ClickWindow> = design.windows.iter().map(EffectWindow::to_click_window).collect();
+    let windows: Vec<ClickWindow> =
+        design.windows.iter().map(EffectWindow::to_click_window_in_seconds_by_actuator_index).collect();
     let shapes = [intensity::mode_shape_values_at_point_or_on_bar_axis(&table, target.x_m, target.y_m)];
     let motion = simulate_felt_acceleration_of_windows_m_per_s2(&table, poles, &shapes, &windows);
     Ok(motion.first().map(|motion| measure_click(motion)))

@@ -8,7 +8,7 @@ use super::panel::{
     tell_missing_or_exceeded_plan_bounds,
 };
 use super::progress::run_with_progress;
-use super::told::tell;
+use super::terminal_messages::tell;
 use super::{Failure, Outcome, field_click, print_json, print_text, reach};
 use crate::maps;
 use crate::model::Bound;
@@ -59,7 +59,7 @@ pub fn run_field_command_mapping_touch_click_or_reach(options: &Field) -> Outcom
     }
     if let (Some(bound), false) = (bound.limit_if_known(), options.json) {
         tell!(
-            "the error of each value is at most {bound:.0e} times the largest peak on the surface (error bound of the model)"
+            "accuracy: the error of each value is at most {bound:.0e} times the largest peak on the surface (difference from the exact solution of the model)"
         );
     }
     let to_output = options.csv.as_ref().is_some_and(|path| path.as_os_str() == "-");

@@ -4,7 +4,7 @@ use super::args_field::Field;
 use super::panel::{check_has_actuators, load_or_compute_plan_table};
 use super::progress::run_with_progress;
 use super::reach::{format_place, tell_picture_written, write_csv_true_if_to_stdout};
-use super::told::tell;
+use super::terminal_messages::tell;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{DesignError, EffectRequest, NamedEffect};
 use crate::planner::maps::ClickMap;

@@ -1,7 +1,7 @@
 //! `era flash`: the firmware onto a board.
 
 use super::args_board::Flash;
-use super::told::tell;
+use super::terminal_messages::tell;
 use super::{Failure, Outcome, print_json};
 use crate::device::{Target, TargetError};
 use crate::flash::board::{Board, BoardError};
@@ -24,7 +24,7 @@ const BOOTLOADER_START: Duration = Duration::from_secs(10);
 
 /// How the image gets onto the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum FlashWay {
+enum FlashRoute {
     Probe,
     Dfu,
 }
@@ -48,8 +48,8 @@ pub fn run_flash(options: &Flash) -> Outcome {
     let way = job.choose_requested_way_or_probe_if_usable_else_dfu()?;
     let board = job.open_idle_board_unless_none_runs_firmware(way)?;
     let (before, first_stage_replaced) = match way {
-        FlashWay::Probe => (job.flash_by_probe_and_get_previous_firmware(board)?, None),
-        FlashWay::Dfu => {
+        FlashRoute::Probe => (job.flash_by_probe_and_get_previous_firmware(board)?, None),
+        FlashRoute::Dfu => {
             let DfuFlashed { previous_firmware, was_first_stage_replaced } = job.flash_by_dfu(board)?;
             (previous_firmware, Some(was_first_stage_replaced))
         }
@@ -58,7 +58,7 @@ pub fn run_flash(options: &Flash) -> Outcome {
     if options.json {
         return print_json(&json!({
             "image": {"path": job.path, "name": job.image.header.name(), "firmware": version_to_json(job.image.header.firmware)},
-            "way": if way == FlashWay::Probe { "probe" } else { "dfu" },
+            "way": if way == FlashRoute::Probe { "probe" } else { "dfu" },
             "before": before.map(|it| version_to_json(it.firmware)),
             "first_stage_replaced": first_stage_replaced,
             "answers": runs,
@@ -83,25 +83,25 @@ struct FlashJob<'a> {
 
 impl FlashJob<'_> {
     /// A probe, if there is one; else USB.
-    fn choose_requested_way_or_probe_if_usable_else_dfu(&self) -> Result<FlashWay, Failure> {
+    fn choose_requested_way_or_probe_if_usable_else_dfu(&self) -> Result<FlashRoute, Failure> {
         if self.options.dfu {
-            return Ok(FlashWay::Dfu);
+            return Ok(FlashRoute::Dfu);
         }
         match ProbeRs::default().check_probe_connected() {
-            Ok(()) => Ok(FlashWay::Probe),
+            Ok(()) => Ok(FlashRoute::Probe),
             Err(error) if self.options.probe => Err(Failure::runtime_error(error)),
-            Err(ProbeError::NotInstalled(_) | ProbeError::NoProbe) => Ok(FlashWay::Dfu),
+            Err(ProbeError::NotInstalled(_) | ProbeError::NoProbe) => Ok(FlashRoute::Dfu),
             Err(error) => {
                 tell!("this command flashes over USB instead of the debug probe, which cannot be used: {error}");
-                Ok(FlashWay::Dfu)
+                Ok(FlashRoute::Dfu)
             }
         }
     }
 
     /// The board, if its firmware answers. Where its port is not named, none need answer: it may be in its bootloader, or
     /// without a firmware.
-    fn open_idle_board_unless_none_runs_firmware(&self, way: FlashWay) -> Result<Option<Board>, Failure> {
-        let waiting = way == FlashWay::Dfu && usb::find_bootloader().map_err(Failure::runtime_error)?.is_some();
+    fn open_idle_board_unless_none_runs_firmware(&self, way: FlashRoute) -> Result<Option<Board>, Failure> {
+        let waiting = way == FlashRoute::Dfu && usb::find_bootloader().map_err(Failure::runtime_error)?.is_some();
         match &self.options.port {
             Some(_) if waiting => Err(Failure::runtime_error(
                 "a board is already in its bootloader, so --port cannot be used: omit --port to flash this board, or \

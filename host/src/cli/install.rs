@@ -3,7 +3,7 @@
 use super::args::Serve;
 use super::config::{self, ConfigFile};
 use super::headings::{ACCESS, FILES, SERVICE};
-use super::told::tell;
+use super::terminal_messages::tell;
 use super::{Failure, Outcome, print_text};
 use crate::daemon::Recorder;
 use crate::install::files::{self, FileChange};

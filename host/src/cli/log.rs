@@ -2,7 +2,7 @@
 
 use super::progress;
 use super::standard_error::Later;
-use super::told::LogFormat;
+use super::terminal_messages::LogFormat;
 use std::io::IsTerminal;
 use tracing_subscriber::Layer;
 use tracing_subscriber::filter::{EnvFilter, Targets};

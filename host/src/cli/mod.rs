@@ -44,8 +44,8 @@ mod signals;
 mod standard_error;
 mod study;
 mod sweep;
+mod terminal_messages;
 mod token;
-mod told;
 mod transient;
 mod values;
 mod verify;
@@ -94,6 +94,11 @@ pub fn main() -> ExitCode {
     era_files::tell_size_limit_as_error();
     let arguments = command::Arguments::try_parse().unwrap_or_else(|mut error| {
         hide_secrets_in_argument_error(&mut error);
+        // `--help` is near every short option by its letters, but nobody has meant it.
+        let suggested = error.get(clap::error::ContextKind::SuggestedArg).map(ToString::to_string);
+        if suggested.as_deref() == Some("--help") {
+            error.remove(clap::error::ContextKind::SuggestedArg);
+        }
         // Without a command the daemon runs, but its options belong to it.
         let given: Vec<String> = std::env::args().skip(1).collect();
         let has_command =
@@ -107,7 +112,7 @@ pub fn main() -> ExitCode {
         }
         print_argument_error_and_exit(&error, "")
     });
-    told::set_log_format(arguments.log_format);
+    terminal_messages::set_log_format(arguments.log_format);
     // Before any thread is started, the log's included.
     if matches!(arguments.command, None | Some(command::Command::Serve(_))) {
         signals::block_background_terminal_stop_signals();
@@ -117,7 +122,7 @@ pub fn main() -> ExitCode {
         let place = panic.location().map(|at| format!(" at {}:{}", at.file(), at.line())).unwrap_or_default();
         let what = panic.payload_as_str().unwrap_or("no message").lines().next().unwrap_or_default();
         // Where standard error is closed (`2>&1 | head`) that is the panic, and another one would end in an abort.
-        told::tell_why_command_failed(&format!(
+        terminal_messages::tell_why_command_failed(&format!(
             "this is a defect of era itself{place}: {what}; please report this message together with the scene"
         ));
     }));
@@ -126,11 +131,11 @@ pub fn main() -> ExitCode {
     let code = match outcome.unwrap_or(Err(Failure::Defect)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Usage(message)) => {
-            told::tell_why_command_failed(&message);
+            terminal_messages::tell_why_command_failed(&message);
             ExitCode::from(2)
         }
         Err(Failure::Failed(message)) => {
-            told::tell_why_command_failed(&message);
+            terminal_messages::tell_why_command_failed(&message);
             ExitCode::FAILURE
         }
         // The hook has said what.
@@ -154,22 +159,25 @@ fn hide_secrets_in_argument_error(error: &mut clap::Error) {
 
 /// Ends the program as its arguments cannot be read, or ask for help.
 fn print_argument_error_and_exit(error: &clap::Error, hint: &str) -> ! {
-    match told::find_requested_log_format(std::env::args_os()) {
-        told::LogFormat::Json if error.use_stderr() => {
-            told::tell_why_command_did_not_start(told::LogFormat::Json, &format!("{error}{hint}"));
+    match terminal_messages::find_requested_log_format(std::env::args_os()) {
+        terminal_messages::LogFormat::Json if error.use_stderr() => {
+            terminal_messages::tell_why_command_did_not_start(
+                terminal_messages::LogFormat::Json,
+                &format!("{error}{hint}"),
+            );
             std::process::exit(2)
         }
         _ if hint.is_empty() => match error.print() {
             // Help that nobody could read; a reader that has gone away (`| head`) has read what it wanted.
             Err(lost) if !error.use_stderr() && lost.kind() != std::io::ErrorKind::BrokenPipe => {
-                told::tell_why_command_failed(&format!("cannot write to standard output: {lost}"));
+                terminal_messages::tell_why_command_failed(&format!("cannot write to standard output: {lost}"));
                 std::process::exit(1)
             }
             _ => std::process::exit(error.exit_code()),
         },
         format => {
             let _ = error.print();
-            told::tell_why_command_did_not_start(format, hint);
+            terminal_messages::tell_why_command_did_not_start(format, hint);
             std::process::exit(2)
         }
     }

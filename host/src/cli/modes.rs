@@ -8,7 +8,7 @@ use super::panel::{
     warn_if_too_thick_for_thin_plate_theory,
 };
 use super::progress::{run_with_progress, run_with_progress_and_expected_cost};
-use super::told::tell;
+use super::terminal_messages::tell;
 use super::{Failure, Outcome, print_json, print_text, reach};
 use crate::maps::shapes::ModeShapes;
 use crate::maps::{mode_sheet, npy};

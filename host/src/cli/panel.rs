@@ -5,7 +5,7 @@ use super::args_panel::{Band, Response};
 use super::cost::Cost;
 use super::explain::explain_model_scope_and_mesh_accuracy;
 use super::progress::{run_with_progress, run_with_progress_and_expected_cost};
-use super::told::tell;
+use super::terminal_messages::tell;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::model::bounded::RefinementLevel;
 use crate::model::levels::ReducedLevels;

@@ -9,7 +9,7 @@ use super::panel::{
 };
 use super::progress::run_with_progress;
 use super::reach::convert_zone_to_region;
-use super::told::tell;
+use super::terminal_messages::tell;
 use super::values::parse_tolerances_of_springs_modulus_thickness_and_places;
 use super::wishes::PlanWishes;
 use super::{Failure, Outcome, print_json, print_text};
@@ -283,7 +283,7 @@ fn format_plan_answer(answer: &PlanAnswer) -> String {
         None => {
             write_plan(&mut text, &answer.plan);
             if let Some(details) = &answer.details {
-                write_details(&mut text, &answer.plan, details);
+                write_predicted_motion_times_and_optimality(&mut text, &answer.plan, details);
             }
             write_trade_off_curves(&mut text, answer.trade.as_ref());
         }
@@ -373,7 +373,7 @@ fn describe_level_or_none_as_not_felt(level_db_unless_at_rest: Option<f64>, thre
 /// Harmonics are told from this part of the peak on.
 const HARMONICS_PART: f64 = 1e-9;
 
-fn write_details(text: &mut String, plan: &Plan, details: &FirstTargetReport) {
+fn write_predicted_motion_times_and_optimality(text: &mut String, plan: &Plan, details: &FirstTargetReport) {
     let _ = write!(text, "\nwith the forces at the actual gaps: {:.3} g at the target", plan.predicted.softened_peak_g);
     let _ = write!(
         text,

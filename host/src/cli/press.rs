@@ -2,7 +2,7 @@
 
 use super::args_panel::Press as Options;
 use super::panel::{format_bound, load_full_plan_table_or_compute_band_ends_only};
-use super::told::tell;
+use super::terminal_messages::tell;
 use super::{Outcome, print_json, print_text};
 use crate::planner::PlanTable;
 use crate::planner::press::{PressEffect, Stop};
@@ -62,9 +62,9 @@ fn format_press_travel_per_actuator(table: &PlanTable) -> String {
         };
         let (bound, of_sag) = (
             format_bound(crate::planner::press_bounds::bound_relative_press_travel_error(table, i)),
-            format_bound(crate::planner::press_bounds::bound_relative_error_of_mass_travel_by_press_and_electrodes(
-                table, i,
-            )),
+            format_bound(
+                crate::planner::press_bounds::bound_relative_mesh_error_of_sag_under_press_and_electrode_pull(table, i),
+            ),
         );
         let electrodes = &table.electrodes[i];
         let at = format!("{:.1}, {:.1}", at_m.0 * 1e3, at_m.1 * 1e3);

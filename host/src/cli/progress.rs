@@ -4,7 +4,7 @@
 //! Everything goes to standard error.
 
 use super::cost::{Cost, describe_duration};
-use super::told::{self, tell};
+use super::terminal_messages::{self, tell};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt;
 use std::io::IsTerminal;
@@ -59,7 +59,7 @@ fn show_progress(what: &'static str, expected: Option<Duration>, done: &Receiver
     if is_over(SHORT) {
         return;
     }
-    if told::is_log_json() || !std::io::stderr().is_terminal() {
+    if terminal_messages::is_log_json() || !std::io::stderr().is_terminal() {
         let mut line = FIRST_LINE;
         while !is_over(line.saturating_sub(started.elapsed())) {
             tell!("{what}: {:.0} s so far{}", started.elapsed().as_secs_f64(), describe_latest_mesh_or_empty());

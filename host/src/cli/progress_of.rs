@@ -4,7 +4,7 @@ use super::cost::describe_duration;
 use super::serve::await_end_signal;
 use super::signals::EndSignals;
 use super::standard_error;
-use super::told::{self, tell};
+use super::terminal_messages::{self, tell};
 use crate::study::run::StudyObserver;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
@@ -32,7 +32,7 @@ pub struct StudyProgressDisplay {
 impl StudyProgressDisplay {
     /// For work that `stops` may end.
     pub fn new(stops: Arc<AtomicBool>) -> Self {
-        let bar = (std::io::stderr().is_terminal() && !told::is_log_json()).then(|| {
+        let bar = (std::io::stderr().is_terminal() && !terminal_messages::is_log_json()).then(|| {
             let bar = ProgressBar::new(0);
             if let Ok(style) = ProgressStyle::with_template("{pos} of {len} designs [{bar:30}] {msg}") {
                 bar.set_style(style);

@@ -4,7 +4,7 @@ use super::args_field::{Corners, Field};
 use super::output::write_text_file;
 use super::panel::{check_has_actuators, load_or_compute_plan_table};
 use super::progress::run_with_progress;
-use super::told::tell;
+use super::terminal_messages::tell;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::maps::reach as pictures;
 use crate::model::BarePanel;
@@ -24,7 +24,7 @@ const RIGID: f64 = 0.5;
 
 /// How a scheme does in one of the ways to choose settings: its peaks, and the part of the surface that is weaker than with
 /// distinct frequencies.
-type Shown = fn(&SchemeReach) -> (&Spread, f64);
+type FigureOfScheme = fn(&SchemeReach) -> (&Spread, f64);
 
 /// Maps of the strongest and the most contrasted reachable at every point.
 pub fn compute_and_write_reach_maps(options: &Field) -> Outcome {
@@ -142,7 +142,7 @@ pub fn compare_drive_schemes_and_write_result(options: &Field) -> Outcome {
         scene.name,
         describe_searched_frequencies(&table, options)
     );
-    let spreads: [(&str, Shown); 2] = [
+    let spreads: [(&str, FigureOfScheme); 2] = [
         ("one setting for the whole surface", |scheme| (&scheme.one_setting, scheme.one_setting_weaker)),
         ("a setting for every touch", |scheme| (&scheme.per_touch, scheme.per_touch_weaker)),
     ];

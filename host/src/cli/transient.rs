@@ -4,7 +4,7 @@ use super::args_panel::{DriveText, Transient};
 use super::output::write_text_file;
 use super::panel::{convert_at_option_to_m, warn_if_too_thick_for_thin_plate_theory};
 use super::progress::run_with_progress;
-use super::told::tell;
+use super::terminal_messages::tell;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::scene::Scene;
 use crate::transient::panel::{

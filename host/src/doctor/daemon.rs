@@ -25,7 +25,7 @@ pub fn replace_unspecified_by_loopback(address: SocketAddr) -> SocketAddr {
 
 /// How a daemon is asked.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct WayToDaemon {
+pub struct DaemonRequestRoute {
     /// Whether a certificate of the user's is trusted.
     pub has_ca: bool,
     /// Whether a proxy was named.
@@ -35,7 +35,7 @@ pub struct WayToDaemon {
 /// Asks whoever listens at `url`, over `agent`, which takes no status for an error and follows no redirect; `bearer` is what the header
 /// `Authorization` says.
 #[must_use]
-pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, way: WayToDaemon) -> Daemon {
+pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, way: DaemonRequestRoute) -> Daemon {
     let mut request = agent.get(format!("{url}{STATE}"));
     if let Some(bearer) = bearer {
         request = request.header("Authorization", bearer);

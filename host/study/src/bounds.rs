@@ -1,8 +1,8 @@
 //! What a study may take, told before anything is listed or computed: for whoever computes studies of others.
 
+use crate::methods::count_designs_of_method;
 use crate::space::DesignSpace;
 use crate::spec::{ScenePath, StudyMethod, StudySpec, VariableKind};
-use crate::ways::count_designs_of_method;
 use era_model::scene::SceneError;
 
 /// Bytes that a number takes in a scene's text at most, as studies write it.

@@ -353,6 +353,8 @@ fn no_effect_goes_beyond_the_actuators_limits() {
 const FINGER: &str = "\n[finger]\nmass_g = 8.0\ndamping_n_s_per_m = 2.0\nstiffness_n_per_m = 800.0\n";
 /// How long rails have to rise for a push, in us.
 const RISE_US: u64 = 10_000;
+/// Effects that take longer than this, in us, have a rest behind them.
+const LONG_US: u64 = 200_000;
 /// From the start of one burst to the next, in us: a slider with 17 detents a second.
 const NEXT_BURST_US: u64 = 60_000;
 
@@ -384,7 +386,9 @@ fn play_effects_in_quick_succession(bench: &mut Bench, table: &PlanTable, design
             bench.run_until_us(start_us).unwrap();
         }
         let length_us = (1e3 * fitting.length_ms) as u64;
-        bench.run_until_us(bench.time_us() + length_us.max(NEXT_BURST_US)).unwrap();
+        // After a long effect the board rests, before a channel has driven for its longest time.
+        let rest_us = if length_us > LONG_US { 1_000 * u64::from(2 * era_shared::limits::REST_MS) } else { 0 };
+        bench.run_until_us(bench.time_us() + length_us.max(NEXT_BURST_US) + rest_us).unwrap();
     }
     bench.run_until_us(bench.time_us() + 100_000).unwrap();
 }

@@ -68,7 +68,7 @@ fn each_mistake_names_key_value_range_and_line() {
             &["actuator[1].mount", "\"glued\"", "\"inertial\", \"grounded\""],
         ),
         ("moving_mass_g = 10.0", "moving_mass_g = -1", &["actuator[1].moving_mass_g", "-1", "to 1e12"]),
-        ("max_voltage_v = 2000.0", "max_voltage_v = 1e9", &["actuator[1].max_voltage_v", "1000000000", "1 to 10000"]),
+        ("max_voltage_v = 2000.0", "max_voltage_v = 1e9", &["actuator[1].max_voltage_v", "1e9", "1 to 10000"]),
         (
             "stiffness_n_per_m = 2000.0",
             "stiffness_n_per_m = inf",

@@ -354,7 +354,7 @@ impl Device {
             }
             SafetyAction::Apply if self.state() == SafetyState::Arming => {
                 self.held = Some(*goals);
-                self.record_active_drives(goals);
+                self.remember_achieved_drive_of_each_goal(goals);
                 Ok(())
             }
             SafetyAction::Apply => self.apply_goals(board, goals, now_us),
@@ -371,7 +371,7 @@ impl Device {
         if goals.iter().any(Option::is_some) {
             self.connect_timers_to_electrodes_if_not_yet(board)?;
         }
-        self.record_active_drives(goals);
+        self.remember_achieved_drive_of_each_goal(goals);
         self.write_due_preloads_and_check_no_window_was_missed(board)
     }
 
@@ -399,7 +399,7 @@ impl Device {
         Ok(())
     }
 
-    fn record_active_drives(&mut self, goals: &Goals) {
+    fn remember_achieved_drive_of_each_goal(&mut self, goals: &Goals) {
         self.active = goals.map(|goal| goal.map(|goal| goal.program.achieved));
     }
 }

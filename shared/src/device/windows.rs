@@ -85,7 +85,7 @@ impl Device {
         self.handle_safety_event(board, SafetyEvent::Drive, &Goals::default())?;
         self.rails.set_targets(rails);
         let sequencer = self.sequencer.as_mut().ok_or(Refusal::State { state, event: SafetyEvent::Drive })?;
-        sequencer.play_windows_ending_all_drives(&placed, now_us);
+        sequencer.play_windows_at_their_times_ending_drives_at_next_boundary(&placed, now_us);
         let start_us = sequencer.board_time_of_clock_us(start);
         self.connect_timers_to_electrodes_if_not_yet(board)
             .and_then(|()| self.write_due_preloads_and_check_no_window_was_missed(board))
@@ -127,7 +127,7 @@ impl Device {
                     charge,
                 )
             };
-            if let Some(requested_ms) = self.budget.longest_burst_ms_if_limit_reached(plan(COUNTED_AHEAD_US)) {
+            if let Some(requested_ms) = self.budget.planned_burst_ms_if_at_or_over_burst_limit(plan(COUNTED_AHEAD_US)) {
                 let max_ms = u32::from(self.budget.burst_limit_ms());
                 return Err(Refusal::Sequence(SequenceError::TooLong { requested_ms, max_ms }));
             }

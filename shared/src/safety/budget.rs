@@ -133,7 +133,7 @@ impl DriveBudget {
     /// Whether a channel that has rested may drive as planned without being stopped in between; if not, the longest time in ms without a
     /// rest that it would take.
     #[must_use]
-    pub fn longest_burst_ms_if_limit_reached(&self, plan: impl Iterator<Item = PlannedDrive>) -> Option<u32> {
+    pub fn planned_burst_ms_if_at_or_over_burst_limit(&self, plan: impl Iterator<Item = PlannedDrive>) -> Option<u32> {
         let burst_us = compute_longest_burst_and_credit_of_plan(0, REST_US, plan).longest_burst_us;
         // A channel must stop in the moment in which its burst reaches the limit.
         (burst_us >= self.burst_limit_us).then(|| u32::try_from(burst_us / 1000 + 1).unwrap_or(u32::MAX))

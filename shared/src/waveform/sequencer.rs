@@ -372,7 +372,7 @@ impl Sequencer {
     }
 
     /// Plays windows that are given one by one. Whatever was driven ends at its next boundary.
-    pub fn play_windows_ending_all_drives(&mut self, windows: &PlacedWindows, now_us: u64) {
+    pub fn play_windows_at_their_times_ending_drives_at_next_boundary(&mut self, windows: &PlacedWindows, now_us: u64) {
         self.set_or_end_drives_from_next_boundary(&[None; MAX_CHANNELS], now_us);
         for (track, used) in self.tracks.iter_mut().zip(windows.used_channels()) {
             (track.plays_windows, track.missed) = (used, false);
@@ -380,10 +380,10 @@ impl Sequencer {
         self.windows = Some(windows.clone());
     }
 
-    fn advance_all_channels_to_clock(&mut self, passed: u64) {
+    fn advance_all_channels_to_clock(&mut self, clock_since_start: u64) {
         for (channel, track) in (0..).zip(&mut self.tracks) {
             let windows = self.windows.as_ref().map(|windows| (windows, channel));
-            track.advance_to_now_noting_missed_windows(passed, self.clocks_per_us, windows);
+            track.advance_to_now_noting_missed_windows(clock_since_start, self.clocks_per_us, windows);
         }
     }
 

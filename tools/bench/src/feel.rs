@@ -30,6 +30,10 @@ const QUIET_OFF: f64 = 0.2;
 /// How far modulus and springs are off.
 const OFF: f64 = 0.05;
 
+/// The resistors of the power stage that the firmware is made for (`shared/src/circuit.rs`).
+const REFERENCE_POWER_STAGE: &str =
+    "\n[electronics]\ncharging_resistance_ohm = 1e6\ndischarging_resistance_ohm = 1e5\ndischarging_delay_us = 15.0\n";
+
 /// A sheet of 700 x 400 mm on eight springs, with four ERAs.
 fn make_sheet_scene_toml() -> String {
     let mut text = String::from(
@@ -123,6 +127,7 @@ fn design_and_measure_click(
 pub fn build_click_tables() -> Result<Vec<Table>, Error> {
     let scenes = [
         ("plate", EXAMPLE_PLATE.to_owned(), GRID),
+        ("plate, reference power stage", EXAMPLE_PLATE.to_owned() + REFERENCE_POWER_STAGE, GRID),
         ("plate, keypad of 4 x 3 keys", EXAMPLE_PLATE.to_owned(), KEYPAD),
         ("starting plate", STARTING_PLATE.to_owned(), GRID),
         ("bar", EXAMPLE_BAR.to_owned(), GRID),

@@ -63,7 +63,7 @@ impl Table {
     pub fn format_as_markdown(&self) -> String {
         let mut out = format!("### {}\n\n", self.title);
         for paragraph in &self.above {
-            let _ = writeln!(out, "{paragraph}\n");
+            let _ = writeln!(out, "{}\n", wrap_paragraph(paragraph));
         }
         let line = |cells: &mut dyn Iterator<Item = &str>| {
             let cells: Vec<String> = cells.map(|cell| cell.replace('|', "\\|")).collect();
@@ -78,7 +78,7 @@ impl Table {
             out.push('\n');
         }
         for paragraph in &self.below {
-            let _ = writeln!(out, "{paragraph}\n");
+            let _ = writeln!(out, "{}\n", wrap_paragraph(paragraph));
         }
         out
     }
@@ -89,6 +89,22 @@ impl Table {
             |k: usize| self.rows.iter().map(move |row| row[k].chars().count()).chain([self.columns[k].chars().count()]);
         (0..self.columns.len()).map(|k| all(k).max().unwrap_or(0)).collect()
     }
+}
+
+/// A paragraph in lines of at most 120 characters, as the manual has them.
+fn wrap_paragraph(text: &str) -> String {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= 120 => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines.join("\n")
 }
 
 /// A time with three digits in the unit that suits it, from microseconds to hours.

@@ -8,7 +8,7 @@ use crate::http::{Endpoint, Http};
 use crate::live::Live;
 use crate::times::{Times, format_ms_number_or_never};
 use clap::Args;
-use requests::{Case, Sending, list_cases};
+use requests::{Case, Sending, list_request_kinds_to_measure_cost_of};
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -64,7 +64,7 @@ pub fn measure_route_costs(options: &Options) -> Result<(), Error> {
     println!("| route | bound | answers | longest answer, ms | stops: median / p99 / longest | memory so far, MB |");
     println!("|---|---|---|---|---|---|");
     let mut missed = Vec::new();
-    for case in list_cases() {
+    for case in list_request_kinds_to_measure_cost_of() {
         let measured = measure_case_and_stops_meanwhile(&daemon, &case, Duration::from_secs_f64(options.seconds))?;
         let longest = measured
             .answers

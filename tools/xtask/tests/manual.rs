@@ -150,6 +150,56 @@ fn every_link_leads_somewhere() {
     assert!(broken.is_empty(), "{}", broken.join("\n"));
 }
 
+/// What is wrong with the lines of a page, each with its number: a row of a table that goes on in the next line is no row, and the manual's
+/// lines have at most 120 characters, but for rows and pictures.
+fn find_layout_mistakes(text: &str) -> Vec<String> {
+    let (mut is_code, mut is_after_row, mut found) = (false, false, Vec::new());
+    for (number, line) in (1..).zip(text.lines()) {
+        let trimmed = line.trim();
+        if trimmed.starts_with("```") {
+            is_code = !is_code;
+        }
+        let is_row = !is_code && trimmed.starts_with('|');
+        if is_row && !trimmed.ends_with('|') {
+            found.push(format!("{number}: a row that does not end"));
+        }
+        if is_after_row && !is_row && !trimmed.is_empty() {
+            found.push(format!("{number}: text directly below a table"));
+        }
+        if !is_code && !is_row && line.chars().count() > 120 && !trimmed.starts_with("![") {
+            found.push(format!("{number}: {} characters", line.chars().count()));
+        }
+        is_after_row = is_row;
+    }
+    found
+}
+
+#[test]
+fn the_lines_of_the_manual_are_short_and_its_tables_whole() {
+    let root = find_root();
+    let mut mistakes = Vec::new();
+    for path in read_pages(&root).into_keys().filter(|path| path.starts_with("docs/src")) {
+        let text = fs::read_to_string(root.join(&path)).expect("a page");
+        mistakes.extend(find_layout_mistakes(&text).into_iter().map(|mistake| format!("{}:{mistake}", path.display())));
+    }
+    assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
+    let wrong = "| a | b |\n|---|---|\n| 1 | two\nlines |\n\n".to_owned() + &"x".repeat(121);
+    assert_eq!(find_layout_mistakes(&wrong).len(), 3, "{:?}", find_layout_mistakes(&wrong));
+}
+
+#[test]
+fn every_page_is_in_the_summary() {
+    let root = find_root();
+    let summary = fs::read_to_string(root.join("docs/src/SUMMARY.md")).expect("a summary");
+    let is_listed = |path: &PathBuf| {
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        name == "SUMMARY.md" || summary.contains(&format!("]({name})"))
+    };
+    let left_out: Vec<PathBuf> =
+        read_pages(&root).into_keys().filter(|path| path.starts_with("docs/src") && !is_listed(path)).collect();
+    assert!(left_out.is_empty(), "{left_out:?}");
+}
+
 /// A file that has been renamed or removed would still be described.
 #[test]
 fn every_source_file_that_a_page_names_exists() {

@@ -185,8 +185,8 @@ fn build_sealed_air_spring(grid: &Grid, stiffness_n_per_m: f64) -> Attachment {
             for (a, along_x) in own_x.iter().enumerate() {
                 for (b, along_y) in own_y.iter().enumerate() {
                     if let Some(number) = grid.unknown_of_function_product_unless_fixed(
-                        grid.function_index_along_lines(cell_x, a),
-                        grid.function_index_along_lines(cell_y, b),
+                        grid.function_index_along_one_axis(cell_x, a),
+                        grid.function_index_along_one_axis(cell_y, b),
                     ) {
                         sums[number] += along_x * along_y;
                     }
@@ -279,8 +279,8 @@ fn assemble_surface_stiffness_and_mass(grid: &Grid) -> (MatrixEntries, MatrixEnt
                     let numbers: Vec<_> = (0..n * n)
                         .map(|k| {
                             grid.unknown_of_function_product_unless_fixed(
-                                grid.function_index_along_lines(cell_x, k / n),
-                                grid.function_index_along_lines(cell_y, k % n),
+                                grid.function_index_along_one_axis(cell_x, k / n),
+                                grid.function_index_along_one_axis(cell_y, k % n),
                             )
                         })
                         .collect();
@@ -296,7 +296,7 @@ fn assemble_surface_stiffness_and_mass(grid: &Grid) -> (MatrixEntries, MatrixEnt
 /// The unknowns of the functions of a bar's cell.
 fn unknowns_of_bar_cell(grid: &Grid, cell: usize) -> Vec<Option<usize>> {
     (0..=grid.element.element_order())
-        .map(|a| grid.unknown_of_function_product_unless_fixed(grid.function_index_along_lines(cell, a), 0))
+        .map(|a| grid.unknown_of_function_product_unless_fixed(grid.function_index_along_one_axis(cell, a), 0))
         .collect()
 }
 
@@ -371,7 +371,7 @@ fn add_elastic_edge_stiffness(grid: &Grid, side: Side, stiffness: f64, rotationa
             .filter(|(cell, _)| grid.is_edge_cell_present(side, *cell))
         {
             let numbers: Vec<_> = (0..=grid.element.element_order())
-                .map(|a| number(function, grid.function_index_along_lines(cell, a)))
+                .map(|a| number(function, grid.function_index_along_one_axis(cell, a)))
                 .collect();
             add_dense_block(entries, &numbers, |a, b| value * matrices.mass[(a, b)]);
         }

@@ -41,13 +41,21 @@ pub fn find_plate_corners(layout: &SurfaceLayout) -> Vec<PlateCorner> {
     let size = (layout.border_lines_x_m()[right], layout.border_lines_y_m()[bottom]);
     layout
         .border_vertices()
-        .filter_map(|vertex| Some(PlateCorner { at: vertex.at, kind: classify_corner(&vertex, size)? }))
+        .filter_map(|vertex| {
+            Some(PlateCorner {
+                at: vertex.at,
+                kind: classify_convex_reentrant_or_patch_corner_at_vertex(&vertex, size)?,
+            })
+        })
         .collect()
 }
 
 /// What kind of corner a vertex is; `None` if it is none.
 #[expect(clippy::float_cmp, reason = "borders are exactly at 0 and at the side's length")]
-fn classify_corner(vertex: &LayoutVertex, (length, width): (f64, f64)) -> Option<CornerKind> {
+fn classify_convex_reentrant_or_patch_corner_at_vertex(
+    vertex: &LayoutVertex,
+    (length, width): (f64, f64),
+) -> Option<CornerKind> {
     let solid: Vec<(usize, SurfaceLayer)> =
         vertex.around.iter().enumerate().filter_map(|(k, part)| part.map(|layer| (k, layer))).collect();
     let (first, layer) = *solid.first()?;

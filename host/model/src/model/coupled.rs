@@ -267,7 +267,9 @@ impl BarePanel {
         loads: &[Arc<LoadShapes>],
     ) -> DMatrix<f64> {
         let nothing = DMatrix::zeros(loads.len(), 0);
-        let Some(missing) = self.estimate_plate_flexibility_missed_by_mesh_if_comparable(attached, scene, loads) else {
+        let Some(missing) =
+            self.extrapolate_plate_flexibility_missed_by_mesh_if_lower_mesh_matches(attached, scene, loads)
+        else {
             return nothing;
         };
         let Some(eigen) =
@@ -287,7 +289,7 @@ impl BarePanel {
     /// What the mesh misses of the deflection at the loads' places under forces there, in m/N: loads x loads. Extrapolated from two orders of
     /// the elements; `None` on a bar, whose elements miss too little to be told in a
     /// response.
-    fn estimate_plate_flexibility_missed_by_mesh_if_comparable(
+    fn extrapolate_plate_flexibility_missed_by_mesh_if_lower_mesh_matches(
         &self,
         attached: &AttachedVectors,
         scene: &Scene,

@@ -84,7 +84,7 @@ pub fn extend_known_modes_up_to(
             if ended && is_whole
                 || are_ritz_values_down_to_converged_and_one_is_below(&eigen, &next.coupling, theta_min)
             {
-                return Ok(space.extract_modes_up_to(&eigen, known, lambda_max));
+                return Ok(space.merge_known_and_found_modes_up_to(&eigen, known, lambda_max));
             }
             if ended {
                 let max_hz = lambda_max.sqrt() / std::f64::consts::TAU;
@@ -291,7 +291,7 @@ impl<'a> LanczosSpace<'a> {
     }
 
     /// The modes up to `lambda_max`: those known before and those found by the iteration, ascending.
-    fn extract_modes_up_to(&self, eigen: &DenseEigenpairs, known: &Modes, lambda_max: f64) -> Modes {
+    fn merge_known_and_found_modes_up_to(&self, eigen: &DenseEigenpairs, known: &Modes, lambda_max: f64) -> Modes {
         let lambda_of = |i: usize| 1.0 / eigen.values[i] - self.operator.shift;
         let found: Vec<usize> =
             (0..eigen.values.len()).filter(|i| eigen.values[*i] > 0.0 && lambda_of(*i) <= lambda_max).collect();

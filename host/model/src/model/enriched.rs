@@ -116,8 +116,8 @@ pub(super) fn add_singular_function_matrices(
         let numbers: Vec<_> = (0..n * n)
             .map(|k| {
                 grid.unknown_of_function_product_unless_fixed(
-                    grid.function_index_along_lines(cell_x, k / n),
-                    grid.function_index_along_lines(cell_y, k % n),
+                    grid.function_index_along_one_axis(cell_x, k / n),
+                    grid.function_index_along_one_axis(cell_y, k % n),
                 )
             })
             .collect();
@@ -519,7 +519,7 @@ impl EdgeSprings<'_> {
             .collect();
         for ((e, _), (value, slope)) in active.iter().zip(&jets) {
             for (a, function) in functions.iter().enumerate() {
-                let along = self.grid.function_index_along_lines(cell, a);
+                let along = self.grid.function_index_along_one_axis(cell, a);
                 if let Some(other) = unknown_of_functions_across_and_along(0, along) {
                     add_value_at_entry_and_transpose(entries, *e, other, weight * self.stiffness * value * function);
                 }

@@ -221,7 +221,7 @@ impl Grid {
 
     /// Index along the lines of a cell's function.
     #[must_use]
-    pub fn function_index_along_lines(&self, cell: usize, function_of_cell: usize) -> usize {
+    pub fn function_index_along_one_axis(&self, cell: usize, function_of_cell: usize) -> usize {
         let per_cell = self.element.element_order() - 1;
         cell * per_cell
             + match function_of_cell {
@@ -279,8 +279,8 @@ impl Grid {
                 .filter(|cell_x| self.sections.section_of_cell_unless_cut_away(*cell_x, cell_y).is_some())
             {
                 for (a, b) in (0..n * n).map(|k| (k / n, k % n)) {
-                    is_there[self.function_index_along_lines(cell_y, b) * in_x
-                        + self.function_index_along_lines(cell_x, a)] = true;
+                    is_there[self.function_index_along_one_axis(cell_y, b) * in_x
+                        + self.function_index_along_one_axis(cell_x, a)] = true;
                 }
             }
         }
@@ -389,8 +389,8 @@ impl Grid {
         for (b, value_y) in in_y.iter().enumerate().filter(|(_, value)| **value != 0.0) {
             for (a, value_x) in in_x.iter().enumerate().filter(|(_, value)| **value != 0.0) {
                 if let Some(number) = self.unknown_of_function_product_unless_fixed(
-                    self.function_index_along_lines(cell_x, a),
-                    self.function_index_along_lines(cell_y, b),
+                    self.function_index_along_one_axis(cell_x, a),
+                    self.function_index_along_one_axis(cell_y, b),
                 ) {
                     out.push((number, value_x * value_y));
                 }

@@ -91,14 +91,19 @@ impl SparseSymmetricMatrix {
     pub fn multiply_columns(&self, vectors: &DMatrix<f64>) -> DMatrix<f64> {
         let mut out = DMatrix::zeros(self.dimension(), vectors.ncols());
         for first in (0..vectors.ncols()).step_by(LANES) {
-            self.multiply_column_block(vectors, first, &mut out);
+            self.multiply_columns_from_first_into_same_columns(vectors, first, &mut out);
         }
         out
     }
 
     /// The product with up to [`LANES`] columns at once: every entry is read once for all of them, and as rows are columns
     /// here each result is a sum that stays in registers.
-    fn multiply_column_block(&self, vectors: &DMatrix<f64>, first: usize, out: &mut DMatrix<f64>) {
+    fn multiply_columns_from_first_into_same_columns(
+        &self,
+        vectors: &DMatrix<f64>,
+        first: usize,
+        out: &mut DMatrix<f64>,
+    ) {
         let lanes = first..vectors.ncols().min(first + LANES);
         let mut inputs = vec![[0.0; LANES]; self.dimension()];
         for (lane, column) in lanes.clone().enumerate() {

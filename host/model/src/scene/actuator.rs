@@ -98,7 +98,7 @@ impl Actuator {
 
     /// Voltage in V at which nothing is left of its springs and an electrode pulls the mass in: sqrt(k g^3 / (eps0 A)).
     #[must_use]
-    pub fn pull_in_voltage_v(&self) -> f64 {
+    pub fn voltage_at_which_softening_cancels_springs_v(&self) -> f64 {
         (self.stiffness_n_per_m * self.air_gap_m.powi(3) / (EPS0 * self.electrode_area_m2)).sqrt()
     }
 }
@@ -135,7 +135,7 @@ mod tests {
             "{}",
             era.capacitance_of_electrode_with_cable_f()
         );
-        let at_pull_in = Actuator { bias_voltage_v: era.pull_in_voltage_v(), ..era };
+        let at_pull_in = Actuator { bias_voltage_v: era.voltage_at_which_softening_cancels_springs_v(), ..era };
         assert!(at_pull_in.effective_stiffness_n_per_m().abs() < 1e-9);
     }
 

@@ -31,6 +31,7 @@ pub use modal_ratio::ModalRatio;
 pub use nearest_name::find_nearest_name;
 pub use patch::{Cutout, Patch};
 pub use place::{PlaceError, ROUNDING, SurfacePoint, check_and_snap_coordinate_along_side, equidistant_numbers};
+pub use read::describe_toml_syntax_mistake;
 pub use read::{FileMistake, SceneError};
 pub use screen::{PixelError, Screen, ScreenError};
 

@@ -456,7 +456,7 @@ fn read_actuators(
                  springs ({} N/m) and pull the mass onto an electrode",
                 section.key_with_path("bias_voltage_v"),
                 actuator.bias_voltage_v,
-                actuator.pull_in_voltage_v(),
+                actuator.voltage_at_which_softening_cancels_springs_v(),
                 actuator.stiffness_n_per_m
             );
             section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section("bias_voltage_v"), text);

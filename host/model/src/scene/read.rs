@@ -87,7 +87,7 @@ pub fn parse_toml_document<'t>(source_name: &str, text: &'t str) -> Result<Spann
             }
             (Some(name), _) => format!("not valid TOML: [{name}] is given twice, but may be given only once"),
             (None, Some(own)) => format!("not valid TOML: {told}: {own}"),
-            (None, None) => format!("not valid TOML: {told}"),
+            (None, None) => describe_toml_syntax_mistake(text, line, told),
         };
         SceneError::from_single_mistake(source_name, line, text)
     })
@@ -201,6 +201,18 @@ impl fmt::Display for AllowedNumbers {
     }
 }
 
+/// What is wrong with a line, from 1, of a text that is no TOML; `message` is the parser's.
+#[must_use]
+pub fn describe_toml_syntax_mistake(text: &str, line: usize, message: &str) -> String {
+    match text.lines().nth(line.wrapping_sub(1)).map(str::trim) {
+        Some(own) if own.ends_with('=') => format!("not valid TOML: the key has no value: {own}"),
+        Some(own) if message.starts_with("string values must be quoted") => {
+            format!("not valid TOML: a text must be in quotes (key = \"text\"): {own}")
+        }
+        _ => format!("not valid TOML: {}", message.trim()),
+    }
+}
+
 /// A table that must be there, with the line that begins it: `layer[2].material` begins with `[layer.material]`.
 fn describe_table_as_written(path: &str) -> String {
     let Some((list, rest)) = path.split_once('[') else { return format!("a table, written [{path}]") };
@@ -308,7 +320,7 @@ impl<'r, 't> TomlSection<'r, 't> {
         if allowed.contains_number(number) {
             return number;
         }
-        self.report_wrong_value(key, number.to_string(), &allowed.to_string());
+        self.report_wrong_value(key, format_number(number), &allowed.to_string());
         f64::NAN
     }
 

@@ -70,9 +70,9 @@ pub fn allocate_forces(actuator_terms: &[ActuatorTerms<'_>], wanted: &[f64], lim
     if !quadratic {
         return reach;
     }
-    let room = if met < 1.0 { met * (1.0 - ROOM) } else { 1.0 };
-    match find_cheapest_forces_for_wish_fraction(actuator_terms, wanted, limits_per_row, room) {
-        Some(found) if met < 1.0 => Allocation { met: room, duals: reach.duals, ..found },
+    let reachable_fraction = if met < 1.0 { met * (1.0 - ROOM) } else { 1.0 };
+    match find_cheapest_forces_for_wish_fraction(actuator_terms, wanted, limits_per_row, reachable_fraction) {
+        Some(found) if met < 1.0 => Allocation { met: reachable_fraction, duals: reach.duals, ..found },
         Some(found) => found,
         None => reach,
     }

@@ -210,8 +210,8 @@ impl<'a> Formulation<'a> {
         ) else {
             return self.list_candidates_at_all_table_frequencies(&[wanted]);
         };
-        let earnings = |known: &Allocation, efficiencies: &[f64]| {
-            // No better one unless its sum of earnings at this lambda is more than lambda a - cost.
+        let lagrangian_terms = |known: &Allocation, efficiencies: &[f64]| {
+            // No better one unless its sum of lagrangian_terms at this lambda is more than lambda a - cost.
             let lambda = known.duals.gain.first().copied().unwrap_or(0.0);
             (
                 rough.bound_lagrangian_term_of_each_candidate(&squares, efficiencies, lambda),
@@ -219,7 +219,7 @@ impl<'a> Formulation<'a> {
             )
         };
         let (known, earns, needed) = if known.met >= 1.0 {
-            let (earns, needed) = earnings(&known, &efficiencies);
+            let (earns, needed) = lagrangian_terms(&known, &efficiencies);
             // Those that are left are worth the mean square near the target.
             let likely = mark_possible_candidates_by_band(
                 &earns,
@@ -234,10 +234,10 @@ impl<'a> Formulation<'a> {
                 );
             let efficiencies =
                 rough.sharper_target_to_elsewhere_ratio_bounds_of_likely_or_0(&squares, &near, self.zone.part, &likely);
-            let (earns, _) = earnings(&known, &efficiencies);
+            let (earns, _) = lagrangian_terms(&known, &efficiencies);
             let trial = self.allocate_best_combination_of_band_maxima_if_allowed(&earns, wanted, is_allowed_pair);
             let known = trial.filter(|trial| meets_more_or_as_much_at_less_cost(trial, &known)).unwrap_or(known);
-            let (mut earns, needed) = earnings(&known, &efficiencies);
+            let (mut earns, needed) = lagrangian_terms(&known, &efficiencies);
             earns
                 .iter_mut()
                 .zip(likely)

@@ -1,6 +1,6 @@
 //! Small linear programmes: a dense simplex with two objectives, one before the other.
 //!
-//! Maximise c . pixel_x, and among the optima d . pixel_x, subject to A x <= b and x >= 0, with b >= 0, so that x = 0 is a feasible
+//! Maximise c . x, and among the optima d . x, subject to A x <= b and x >= 0, with b >= 0, so that x = 0 is a feasible
 //! start and no first phase is needed. Allocation has at most five variables and some hundred rows, a tableau of a few
 //! kilobytes; mixtures of combinations have some fifty (`search/mixture.rs`), and as many rows as there are targets and limits.
 

@@ -93,7 +93,7 @@ pub fn design_click_windows(
     let mut designer = ClickDesigner { table, poles, shapes, targets, actuators: &actuators, options };
     let target = residues.first()?;
     let (built, travel_limit) = if has_several {
-        build_click_with_best_contrast_peak_signs_and_limiting_actuator(&mut designer, target, wishes)?
+        build_click_with_peak_signs_of_least_surface_motion_and_limiting_actuator(&mut designer, target, wishes)?
     } else {
         build_click_within_travel_and_limiting_actuator_if_solved(&designer, asked)?
     };
@@ -196,8 +196,8 @@ fn build_click_within_travel_and_limiting_actuator_if_solved(
 }
 
 /// The click for several targets. Fingers do not feel the directions of peaks: of those with which the wishes are reached, the ones that move the
-/// surface least relative to `target`, the first.
-fn build_click_with_best_contrast_peak_signs_and_limiting_actuator(
+/// surface least, whichever target is `target`, the first.
+fn build_click_with_peak_signs_of_least_surface_motion_and_limiting_actuator(
     designer: &mut ClickDesigner,
     target: &PointResidues,
     wishes: &[f64],
@@ -210,22 +210,23 @@ fn build_click_with_best_contrast_peak_signs_and_limiting_actuator(
         else {
             continue;
         };
-        let measures = built
-            .motion
-            .mean_acceleration
-            .iter()
-            .map(|means| measure_click(&filter_quarter_ms_means_to_felt_motion_at_16_khz(means)));
-        let is_good = |(own, wish): (ClickMeasures, &f64)| {
+        let means = built.motion.mean_acceleration.iter();
+        let felt: Vec<Vec<f64>> = means.map(|means| filter_quarter_ms_means_to_felt_motion_at_16_khz(means)).collect();
+        let is_good = |(own, wish): (&Vec<f64>, &f64)| {
+            let own = measure_click(own);
             own.peak >= REACHED * wish && designer.options.is_motion_crisp(&own.shift_times_to_count_from_burst_start())
         };
-        let is_good = measures.zip(wishes).all(is_good);
+        let is_good = felt.iter().zip(wishes).all(is_good);
         let surface = compute_click_sound_and_contrast_db_if_anything_moves(
             designer.table,
             designer.poles,
             target,
             &built.motion.forces_n,
         );
-        let rank = (is_good, surface.map_or(f64::NEG_INFINITY, |surface| surface.contrast_db));
+        // The contrast is that of the first target: what is left without its own motion is the surface's.
+        let of_target_db = 10.0 * felt.first()?.iter().map(|x| x * x).sum::<f64>().log10();
+        let stillness_db = surface.map_or(f64::NEG_INFINITY, |surface| surface.contrast_db - of_target_db);
+        let rank = (is_good, stillness_db);
         if best.as_ref().is_none_or(|(least, _)| rank > *least) {
             best = Some((rank, (built, travel_limit)));
         }

@@ -60,7 +60,7 @@ pub fn weigh_spectrum_and_transform_to_felt_record(spectrum: impl Iterator<Item 
     for ((place, value), hz) in lines.iter_mut().skip(1).zip(spectrum).zip(1_u32..) {
         *place = value * weigh_frequency(f64::from(hz));
     }
-    run_inverse(&*TRANSFORMS.to_record, &mut lines, RECORD)
+    inverse_fft_unscaled_or_zeros_on_error(&*TRANSFORMS.to_record, &mut lines, RECORD)
 }
 
 /// The felt part of a motion whose mean over each [`SAMPLE_S`] is given, as [`FINE_RECORD`] samples at the times 0, 1/16 ms, ...; the mean over
@@ -86,7 +86,7 @@ fn filter_quarter_ms_means_and_resample_to_16_khz(
     for ((place, line), hz) in fine.iter_mut().skip(1).zip(lines).zip(1_u32..) {
         *place = line * weigh(f64::from(hz));
     }
-    run_inverse(&*TRANSFORMS.to_fine_record, &mut fine, FINE_RECORD)
+    inverse_fft_unscaled_or_zeros_on_error(&*TRANSFORMS.to_fine_record, &mut fine, FINE_RECORD)
 }
 
 /// The lines of a motion whose mean over each [`SAMPLE_S`] is given, at 1, 2, ... Hz up to `last_line`: half the amplitude of each frequency.
@@ -141,7 +141,11 @@ fn list_spectral_lines(means: &[f64], to_lines: &dyn RealToComplex<f64>, last_li
     lines.into_iter().zip(0_u32..).take(last_line + 1).skip(1).map(correct).collect()
 }
 
-fn run_inverse(transform: &dyn ComplexToReal<f64>, lines: &mut [Complex64], samples: usize) -> Vec<f64> {
+fn inverse_fft_unscaled_or_zeros_on_error(
+    transform: &dyn ComplexToReal<f64>,
+    lines: &mut [Complex64],
+    samples: usize,
+) -> Vec<f64> {
     let mut record = vec![0.0; samples];
     // It fails only if the first or last line is not real, and they are 0.
     if transform.process(lines, &mut record).is_err() {

@@ -264,7 +264,13 @@ fn design_effect_of_clicks_or_fixed_envelope(
             let segments = if quiet(&braked) < quiet(&plain) { braked } else { plain.clone() };
             let (effects, plain) = (all(&segments), all(&plain));
             // The brake's beginning may add to the peak.
-            if !reaches | scale_drives_to_wanted_and_are_limited_below_it(&mut effect_drives, &effects, &wanted) {
+            if !reaches
+                | scale_all_drives_by_one_factor_and_tell_if_limits_keep_below_wanted(
+                    &mut effect_drives,
+                    &effects,
+                    &wanted,
+                )
+            {
                 effect_drives
                     .iter()
                     .filter_map(|part| limitation_if_drive_at_max_force(table, part))
@@ -405,14 +411,14 @@ fn raise_drives_together_to_target_wishes_with_shortest_push(
             };
             signals.iter().zip(wanted_m_per_s2).map(peak).fold(f64::INFINITY, f64::min)
         };
-        let room = effect_drives
+        let headroom = effect_drives
             .iter()
             .filter(|part| part.drive.force_n > 0.0)
             .map(|part| part.max_force_n / part.drive.force_n)
             .fold(0.0, f64::max);
-        let most = share(room);
+        let most = share(headroom);
         if most >= 1.0 {
-            let (mut low, mut high) = (0.0, room);
+            let (mut low, mut high) = (0.0, headroom);
             for _ in 0..BISECTIONS {
                 let middle = 0.5 * (low + high);
                 *(if share(middle) >= 1.0 { &mut high } else { &mut low }) = middle;
@@ -421,7 +427,7 @@ fn raise_drives_together_to_target_wishes_with_shortest_push(
             break;
         }
         if most > best_share {
-            (best, best_share) = ((pushes, room), most);
+            (best, best_share) = ((pushes, headroom), most);
         }
     }
     let (pushes, raise) = best;
@@ -432,7 +438,7 @@ fn raise_drives_together_to_target_wishes_with_shortest_push(
 }
 
 /// Scales all drives to the wish, as far as their limits allow; returns whether the limits keep them below it.
-fn scale_drives_to_wanted_and_are_limited_below_it(
+fn scale_all_drives_by_one_factor_and_tell_if_limits_keep_below_wanted(
     effect_drives: &mut [EffectDrive],
     effects: &[Effect],
     wanted_m_per_s2: &[f64],
@@ -450,11 +456,11 @@ fn scale_drives_to_wanted_and_are_limited_below_it(
     if !reached.is_finite() || reached <= 0.0 {
         return false;
     }
-    let room =
+    let headroom =
         effect_drives.iter().filter(|part| part.drive.force_n > 0.0).map(|part| part.max_force_n / part.drive.force_n);
-    let room = room.fold(f64::INFINITY, f64::min);
-    effect_drives.iter_mut().for_each(|part| part.drive.force_n *= (1.0 / reached).min(room));
-    1.0 / reached > room * (1.0 + 1e-2)
+    let headroom = headroom.fold(f64::INFINITY, f64::min);
+    effect_drives.iter_mut().for_each(|part| part.drive.force_n *= (1.0 / reached).min(headroom));
+    1.0 / reached > headroom * (1.0 + 1e-2)
 }
 
 /// `count` times the segments, `period_ms` from one to the next: as many whole periods of the drive as are nearest to that, because it begins at
@@ -468,7 +474,7 @@ fn repeat_segments(segments: &[Segment], count: u16, period_ms: u16, drive: &Eff
         let pause_ms = (every_s - effect_duration_s(&once, period_s)) * 1e3;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 500")]
         let milliseconds = pause_ms.floor().max(1.0) as u16;
-        // There is room: a click has at most four segments.
+        // There is headroom: a click has at most four segments.
         let _ = effect.segments.push(Segment::Hold { level: 0, milliseconds });
     }
     effect

@@ -27,7 +27,7 @@ pub struct EffectWindow {
 impl EffectWindow {
     /// The window by the actuator's index, in s: actuator i of a scene is on channel i of the board.
     #[must_use]
-    pub fn to_click_window(&self) -> ClickWindow {
+    pub fn to_click_window_in_seconds_by_actuator_index(&self) -> ClickWindow {
         ClickWindow {
             actuator: self.channel,
             electrode: self.electrode,

@@ -41,7 +41,7 @@ const AFTER_S: f64 = 0.01;
 const USED: f64 = 0.92;
 /// Times over its period at which each drive may begin, of effects that are over within a few beats; in longer ones the
 /// beats try them all, and two are enough for how the drives begin.
-const OFFSETS: u32 = 2;
+const START_DELAYS: u32 = 2;
 /// What harmonics make of a small travel, as a rule.
 const WITH_HARMONICS: f64 = 2.0;
 /// Fraction of the travel allowed below which a travel is small: of a third of the gap this is 1/50 of it, where an electrode's force differs
@@ -80,9 +80,9 @@ pub fn derate_drives_to_travel_limits(
     }
     let rest = rise.build_stepper(&rows, TRAVEL_STEP_S);
     let counted_n_per_m: Vec<f64> = table.scene.actuators.iter().map(Actuator::softening_n_per_m).collect();
-    let most = OFFSETS.pow(u32::try_from(effect_drives.len().saturating_sub(1)).unwrap_or(0));
+    let most = START_DELAYS.pow(u32::try_from(effect_drives.len().saturating_sub(1)).unwrap_or(0));
     let combinations = if shortened.does_any_drive_last_longer_than_minimum_shortened_time(effect_drives) {
-        most.min(OFFSETS)
+        most.min(START_DELAYS)
     } else {
         most
     };
@@ -281,7 +281,7 @@ fn largest_decaying_sum_of_level_change_magnitudes(levels: &[f64], exponent: f64
 }
 
 /// Largest travel of every actuator in m; not looked at any further once one is beyond a third of its gap. The digits of
-/// `offset_combination` say when within its period each drive but the first begins.
+/// `start_delay_combination` say when within its period each drive but the first begins.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -295,15 +295,15 @@ fn simulate_largest_travel_of_each_actuator_m(
     effect_drives: &[EffectDrive],
     levels: &[Vec<f64>],
     force_scale: f64,
-    offset_combination: u32,
+    start_delay_combination: u32,
 ) -> Vec<f64> {
-    let mut rest = offset_combination;
+    let mut rest = start_delay_combination;
     let delays_s: Vec<f64> = (0..)
         .zip(effect_drives)
         .map(|(i, part)| {
-            let digit = if i == 0 { 0 } else { rest % OFFSETS };
-            rest /= if i == 0 { 1 } else { OFFSETS };
-            f64::from(digit) / f64::from(OFFSETS) * part.channel.period_s()
+            let digit = if i == 0 { 0 } else { rest % START_DELAYS };
+            rest /= if i == 0 { 1 } else { START_DELAYS };
+            f64::from(digit) / f64::from(START_DELAYS) * part.channel.period_s()
         })
         .collect();
     let ends =

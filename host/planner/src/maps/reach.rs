@@ -21,7 +21,7 @@ const COLORS: [RGBColor; 3] = [RGBColor(120, 120, 120), RGBColor(230, 130, 0), R
 const LEAST_DB: f64 = 60.0;
 
 /// A field of a scheme, and its least value.
-type Shown<'a> = &'a dyn Fn(&SchemeReach) -> (&[Option<f64>], f64);
+type SheetValues<'a> = &'a dyn Fn(&SchemeReach) -> (&[Option<f64>], f64);
 
 /// One map, or curves over one axis.
 struct Sheet {
@@ -83,7 +83,7 @@ pub fn write_schemes_png(
         peak_g: values.iter().map(|value| value.map(counted)).collect(),
     };
     let distinct = schemes.iter().find(|scheme| scheme.scheme == Scheme::DistinctFrequencies);
-    let row = |title: &str, of: Shown<'_>| -> Vec<Sheet> {
+    let row = |title: &str, of: SheetValues<'_>| -> Vec<Sheet> {
         let fields: Vec<(&'static str, PeakField)> =
             schemes.iter().map(|scheme| (scheme.scheme.name(), field(of(scheme).0))).collect();
         let (_, most) =

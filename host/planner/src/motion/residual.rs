@@ -296,11 +296,13 @@ impl ResidualVibration {
         {
             return 1.0;
         }
-        let anew = self.max_force_fraction_that_fits_after_time_off(motion, now_s, 0.0, board);
+        let fraction_after_restart = self.max_force_fraction_that_fits_after_time_off(motion, now_s, 0.0, board);
         let goes_on = |current: &&CurrentDrives| {
             board == RailState::Driving && new_drives_unless_effect.is_some() && current.is_ongoing_steady_drive(now_s)
         };
-        let Some(current) = self.current.as_ref().filter(goes_on).filter(|_| anew < 1.0) else { return anew };
+        let Some(current) = self.current.as_ref().filter(goes_on).filter(|_| fraction_after_restart < 1.0) else {
+            return fraction_after_restart;
+        };
         let (begun_m, left_m, free_m) = (
             largest_starting_travel_of_each_mass_m(motion, board),
             self.bound_travel_left_after_end_m(now_s, now_s),
@@ -319,8 +321,11 @@ impl ResidualVibration {
             })
         };
         // As near to what is driven now as it is, the least change is none: a weaker one may not fit where a stronger one does.
-        let parts = (0..=PARTS).rev().map(|k| f64::from(k) / f64::from(PARTS)).take_while(|part| *part > anew);
-        let Some(mut low) = parts.into_iter().find(|part| fits(*part)) else { return anew };
+        let parts = (0..=PARTS)
+            .rev()
+            .map(|k| f64::from(k) / f64::from(PARTS))
+            .take_while(|part| *part > fraction_after_restart);
+        let Some(mut low) = parts.into_iter().find(|part| fits(*part)) else { return fraction_after_restart };
         let mut high = (low + 1.0 / f64::from(PARTS)).min(1.0);
         for _ in 0..ROOM_HALVINGS {
             let middle = 0.5 * (low + high);

@@ -26,7 +26,7 @@ use crate::motion::strong_softening::solve_motion_with_harmonics_if_pulses_are_n
 use crate::perception::level_above_threshold_unless_at_rest_db;
 use crate::plan::bound::bound_relative_peak_error_at_first_target;
 use crate::plan::reached_limits::find_limits_nearly_reached_before_derating;
-use crate::reach::selection::select_max_min_drives_scaled_to_first_target;
+use crate::reach::selection::select_surface_or_region_max_min_drives_scaled_down_to_first_target;
 use crate::request::quiet_zones::QuietResult;
 use crate::request::{Grouping, Objective, PlanError, Request, SearchEffort, Target, Weigh};
 use crate::request::{check_request_and_snap_to_surface_returning_wanted_peaks_g, y_or_bar_axis_y_m};
@@ -167,7 +167,12 @@ impl PlanTable {
             .collect();
         let mut selection = match request.grouping {
             Grouping::Distinct if request.objective == Objective::Reach => {
-                select_max_min_drives_scaled_to_first_target(self, &formulation, request.zone, &wanted)?
+                select_surface_or_region_max_min_drives_scaled_down_to_first_target(
+                    self,
+                    &formulation,
+                    request.zone,
+                    &wanted,
+                )?
             }
             Grouping::Distinct => {
                 choose_distinct_frequency_drives_and_add_quiet_zone_limits(self, &mut formulation, request, &wanted)?

@@ -11,7 +11,7 @@ use crate::scene::MAX_ACTUATORS;
 use crate::table::{PlanTable, Region, acceleration_at_point_from_coordinates};
 
 /// The drives of that setting, scaled down to what the target asks for.
-pub(crate) fn select_max_min_drives_scaled_to_first_target(
+pub(crate) fn select_surface_or_region_max_min_drives_scaled_down_to_first_target(
     table: &PlanTable,
     formulation: &Formulation<'_>,
     region: Option<Region>,

@@ -36,7 +36,7 @@ pub fn bound_relative_press_travel_error(table: &PlanTable, actuator: usize) -> 
 /// Bound on the relative error of how far a press and the electrodes move an actuator's mass ([`PressEffect::sag_m`]), at the place where the press moves it furthest and
 /// with the stops that there are.
 #[must_use]
-pub fn bound_relative_error_of_mass_travel_by_press_and_electrodes(table: &PlanTable, actuator: usize) -> Bound {
+pub fn bound_relative_mesh_error_of_sag_under_press_and_electrode_pull(table: &PlanTable, actuator: usize) -> Bound {
     let Some(([middle, coarse], estimator)) = &table.coarser else {
         return Bound::Unknown("no coarser model was computed for a comparison");
     };

@@ -2,7 +2,7 @@
 
 use crate::physics::limits::Electrodes;
 use crate::reports::press_bounds::{
-    bound_relative_error_of_mass_travel_by_press_and_electrodes, bound_relative_press_travel_error,
+    bound_relative_mesh_error_of_sag_under_press_and_electrode_pull, bound_relative_press_travel_error,
 };
 use crate::scene::Actuator;
 use crate::table::PlanTable;
@@ -57,7 +57,7 @@ pub fn build_press_report(table: &PlanTable) -> PressReport {
             alone_um: finite(pressed.alone_m * 1e6),
             error_bound: bound_relative_press_travel_error(table, i).limit_if_known(),
             sag_um: pressed.sag_m * 1e6,
-            sag_error_bound: bound_relative_error_of_mass_travel_by_press_and_electrodes(table, i).limit_if_known(),
+            sag_error_bound: bound_relative_mesh_error_of_sag_under_press_and_electrode_pull(table, i).limit_if_known(),
             stop: pressed.stop,
             stop_um: finite(pressed.stop_m * 1e6),
             stiffness_n_per_m: pressed.stiffness_n_per_m,

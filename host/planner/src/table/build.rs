@@ -16,7 +16,7 @@ use crate::physics::softening::{Transducer, static_receptance_magnitude_or_infin
 use crate::response::sweep::SurfaceShapes;
 use crate::response::{CoordinateSolver, ResponseError};
 use crate::scene::{MAX_ACTUATORS, Scene};
-use crate::table::press::{PressEffect, compute_press_effect_on_each_actuator};
+use crate::table::press::{PressEffect, compute_sag_and_stop_under_press_for_each_actuator};
 use crate::{HIGHEST_FELT_HZ, perception};
 use era_shared::supply::rail_index_of_channel;
 use nalgebra::{DMatrix, DVector};
@@ -199,7 +199,7 @@ fn find_electrodes_and_press_effects(
     let mut electrodes =
         lower_max_voltages_to_lowest_on_same_rail(scene.actuators.iter().map(Electrodes::from_actuator).collect());
     let pressed = known_press_effects.map_or_else(
-        || compute_press_effect_on_each_actuator(scene, model, grid, &electrodes, static_receptance),
+        || compute_sag_and_stop_under_press_for_each_actuator(scene, model, grid, &electrodes, static_receptance),
         <[_]>::to_vec,
     );
     for (own, pressed) in electrodes.iter_mut().zip(&pressed) {

@@ -127,7 +127,7 @@ impl EfficiencyBounds {
         price_of_target_acceleration: f64,
     ) -> Vec<f64> {
         let mut out = vec![0.0; squared_accelerations.len()];
-        Arch::new().dispatch(Earnings(
+        Arch::new().dispatch(LagrangianTerms(
             self,
             squared_accelerations,
             efficiencies,
@@ -156,7 +156,7 @@ fn fill_target_to_elsewhere_energy_ratio_bounds(
     }
 }
 
-kernel!(Earnings<'a>(rough: &'a EfficiencyBounds, squares: &'a [f64], efficiencies: &'a [f64], price_of_target_acceleration: f64, out: &'a mut [f64]) -> () = fill_lagrangian_term_bounds);
+kernel!(LagrangianTerms<'a>(rough: &'a EfficiencyBounds, squares: &'a [f64], efficiencies: &'a [f64], price_of_target_acceleration: f64, out: &'a mut [f64]) -> () = fill_lagrangian_term_bounds);
 
 #[inline(always)]
 fn fill_lagrangian_term_bounds(

@@ -69,7 +69,7 @@ fn mean_pull_over_softening_times_gap_at_offset(offset_over_gap: f64) -> f64 {
 /// The effect of a press with the scene's force on every actuator. `static_receptance` is travel (row) per steady
 /// force in m/N.
 #[must_use]
-pub fn compute_press_effect_on_each_actuator(
+pub fn compute_sag_and_stop_under_press_for_each_actuator(
     scene: &Scene,
     model: &ReducedModel,
     grid: &SurfaceGrid,

@@ -3,7 +3,7 @@
 //! Whoever can write to the file can write anything into it, with a right hash. So nothing is kept that a drive's limits follow from, nor what a drive does: the
 //! panel's model and every actuator's motion, force, voltage and travel at every frequency are computed from the scene at every start. Kept are the coarser models and their responses,
 //! which tell how wrong a plan may be, and the figures that take a look at every point of the surface: they say which frequencies the planner
-//! looks at, and how large errors may be, and take most of the time. Beyond sizes and finite numbers, samples of every part are computed anew and compared.
+//! looks at, and how large errors may be, and take most of the time. Beyond sizes and finite numbers, samples of every part are computed recomputed and compared.
 
 use super::build::{
     acceleration_coordinates_per_newton_of_each_actuator_by_frequency,
@@ -22,7 +22,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Relative difference of a number computed anew from the one kept. They are the same on the same machine; another's vector
+/// Relative difference of a number computed recomputed from the one kept. They are the same on the same machine; another's vector
 /// instructions round differently, and near resonance a response has a hundred times what its parts have.
 const SAME_NUMBER: f64 = 1e-9;
 /// The same of figures over the surface, which are summed in single precision.
@@ -139,12 +139,12 @@ const HARDLY_MOVING: f64 = 1e-6;
 
 /// Whether the stored figures of an entry agree with figures that are computed again from its acceleration.
 fn are_surface_mean_max_and_slope_as_recomputed(table: &PlanTable, kept: &Entry) -> bool {
-    let anew = mean_magnitude_and_bounds_of_square_and_slope(
+    let recomputed = mean_magnitude_and_bounds_of_square_and_slope(
         table.grid.evaluate_at_each_grid_point(&kept.acceleration).into_iter(),
         &table.grid,
     );
     // The steepest slope is a difference of neighbours in single precision: of what rounding makes of the largest value.
-    let [mean, most_square, steepest] = anew;
+    let [mean, most_square, steepest] = recomputed;
     let (dx, dy) = table.grid.column_and_row_spacing_or_infinity_m();
     // Of a force on an edge that does not move there is only rounding, whose figures are not the same twice.
     let nothing = HARDLY_MOVING / table.scene.surface_mass_with_air_kg();
@@ -174,8 +174,10 @@ fn recompute_and_compare_samples(table: &PlanTable) -> Result<(), ImplausibleSto
                 acceleration_coordinates_per_newton_of_each_actuator_by_frequency(model, &[hz]).pop().flatten(),
                 &kept[k],
             ) {
-                (Some(anew), Some(kept)) => anew.iter().zip(kept).all(|(anew, kept)| is_nearly_equal_row(anew, kept)),
-                (anew, kept) => anew.is_none() && kept.is_none(),
+                (Some(recomputed), Some(kept)) => {
+                    recomputed.iter().zip(kept).all(|(recomputed, kept)| is_nearly_equal_row(recomputed, kept))
+                }
+                (recomputed, kept) => recomputed.is_none() && kept.is_none(),
             };
             if !is_same {
                 return Err(ImplausibleStore::Differs("the responses of a coarser model"));

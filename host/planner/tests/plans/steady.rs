@@ -6,7 +6,7 @@ use era_model::model::{Accuracy, BarePanel};
 use era_model::scene::random::random_scene_text;
 use era_model::scene::{EXAMPLE_BAR, EdgeKind, Finger, Mass, ModalRatio, Mount, STARTING_PLATE, Scene, SurfaceDamping};
 use era_planner::press_bounds::{
-    bound_relative_error_of_mass_travel_by_press_and_electrodes, bound_relative_press_travel_error,
+    bound_relative_mesh_error_of_sag_under_press_and_electrode_pull, bound_relative_press_travel_error,
 };
 use era_planner::softening::static_receptance_magnitude_or_infinity_m_per_n;
 use era_planner::{PlanTable, TableOptions};
@@ -299,7 +299,7 @@ fn the_bound_of_a_press_does_not_depend_on_the_force() {
                 assert!(bound > 0.0 && bound < 1e-3, "{force_n} N: {bound:e}");
                 per_n.push((i, own.alone_m / force_n, bound));
                 // Between electrodes and springs the sag is known no worse than some times that, and where a stop is exactly.
-                let of_sag = bound_relative_error_of_mass_travel_by_press_and_electrodes(&table, i)
+                let of_sag = bound_relative_mesh_error_of_sag_under_press_and_electrode_pull(&table, i)
                     .limit_if_known()
                     .unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
                 assert!(of_sag > 0.0 && of_sag < 20.0 * bound + 1e-6, "{force_n} N: {of_sag:e} {bound:e} {own:?}");

@@ -6,7 +6,7 @@ use super::args::{DaemonOptions, Replay};
 use super::client::{self, DaemonAnswer};
 use super::progress::run_with_progress;
 use super::signals::run_in_thread_on_first_end_signal;
-use super::told::tell_why_command_failed;
+use super::terminal_messages::tell_why_command_failed;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::replay::TouchOutcome;
 use crate::replay::{RecordedAction, RecordedRequest, Recording, largest_relative_drive_difference};

@@ -26,7 +26,12 @@ pub struct Burst {
 impl Burst {
     /// A drive begins at `now` that is to end at `until`, with the period that it is in then; what there is of a burst then.
     #[must_use]
-    pub fn begin_or_continue(previous: Option<Self>, now: Instant, until: Instant, lowest_drive_hz: f64) -> Self {
+    pub fn continue_unless_rested_else_begin(
+        previous: Option<Self>,
+        now: Instant,
+        until: Instant,
+        lowest_drive_hz: f64,
+    ) -> Self {
         let late = Duration::try_from_secs_f64(1.0 / lowest_drive_hz).unwrap_or_default();
         let goes_on = previous.filter(|burst| now < burst.find_end_of_rest());
         Self { since: goes_on.map_or(now, |burst| burst.since), until, late }
@@ -65,7 +70,7 @@ mod tests {
     fn a_burst_lasts_until_a_rest() {
         let zero = Instant::now();
         let at = |ms: u32| zero + MS * ms;
-        let touch = |before, ms| Burst::begin_or_continue(before, at(ms), at(ms + 1000), 50.0);
+        let touch = |before, ms| Burst::continue_unless_rested_else_begin(before, at(ms), at(ms + 1000), 50.0);
         let mut burst = touch(None, 0);
         assert_eq!(burst.start_of_rest_needed_if_driven_until(at(1000)), None);
         assert_eq!(burst.start_of_rest_needed_if_driven_until(at(10_000)), None, "a touch of 10 s is driven whole");

@@ -83,11 +83,11 @@ impl DriveEquipment {
             // Nothing is left of the touches before that would be in its way.
             (plan.limits, plan.limited_by) = (whole_plan.limits.clone(), whole_plan.limited_by.clone());
         }
-        self.prepare_already_scaled_plan(plan, force_fraction, drive_mode)
+        self.design_effect_and_predict_motion_of_scaled_plan(plan, force_fraction, drive_mode)
     }
 
     /// Works out what it takes to drive a plan that has the fraction `force_fraction` of the forces first planned.
-    fn prepare_already_scaled_plan(
+    fn design_effect_and_predict_motion_of_scaled_plan(
         &self,
         plan: Plan,
         force_fraction: f64,

@@ -91,7 +91,7 @@ impl DriveTask {
             // Held only meanwhile, so that the daemon can end in between.
             let Some(equipment) = self.equipment.upgrade() else { return };
             match (command, answer) {
-                (_, Some(answer)) => self.handle_board_answer(&equipment, answer),
+                (_, Some(answer)) => self.record_and_report_board_answer_freeing_board(&equipment, answer),
                 (Some(command), _) => self.carry_out_command(&equipment, command),
                 (None, None) => self.carry_out_due_activity(&equipment),
             }
@@ -307,7 +307,11 @@ impl DriveTask {
         self.activity = BoardActivity::Ordered { sent: Box::new(sent), newest_before, answer: Box::pin(answer) };
     }
 
-    fn handle_board_answer(&mut self, equipment: &Arc<DriveEquipment>, answer: Result<BegunDrive, RefusedDrive>) {
+    fn record_and_report_board_answer_freeing_board(
+        &mut self,
+        equipment: &Arc<DriveEquipment>,
+        answer: Result<BegunDrive, RefusedDrive>,
+    ) {
         let BoardActivity::Ordered { sent, newest_before, .. } =
             std::mem::replace(&mut self.activity, BoardActivity::Free)
         else {

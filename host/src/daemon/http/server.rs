@@ -128,7 +128,7 @@ struct ConnectionServer {
     stop_only: Router,
     places: Arc<Semaphore>,
     stop_places: Arc<Semaphore>,
-    guests: StopConnections,
+    connections: StopConnections,
     limits: Limits,
     closing: watch::Receiver<bool>,
 }
@@ -140,7 +140,7 @@ impl ConnectionServer {
             stop_only: routes::build_stop_only_router(Arc::clone(app)),
             places: Arc::new(Semaphore::new(app.limits.connections)),
             stop_places: Arc::new(Semaphore::new(app.limits.stop_connections)),
-            guests: StopConnections::default(),
+            connections: StopConnections::default(),
             limits: app.limits,
             closing: app.driver.subscribe_closing(),
         }
@@ -152,12 +152,12 @@ impl ConnectionServer {
         let mut limits = self.limits;
         let (router, guest) = match place(&self.places) {
             Some(place) => (self.all.clone(), Arc::new(StopConnection::new(place))),
-            None => match place(&self.stop_places).or_else(|| self.guests.evict_oldest_silent_connection()) {
+            None => match place(&self.stop_places).or_else(|| self.connections.evict_oldest_silent_connection()) {
                 Some(place) => {
                     limits.handshake = limits.handshake.min(limits.stop_headers);
                     limits.headers = limits.headers.min(limits.stop_headers);
                     let guest = Arc::new(StopConnection::new(place));
-                    self.guests.add_connection(&guest);
+                    self.connections.add_connection(&guest);
                     (self.stop_only.clone(), guest)
                 }
                 None => return tracing::warn!("too many connections are open; the daemon refuses a new connection"),

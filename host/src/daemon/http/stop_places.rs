@@ -48,16 +48,16 @@ pub struct StopConnections(Mutex<VecDeque<Weak<StopConnection>>>);
 impl StopConnections {
     /// One more.
     pub fn add_connection(&self, connection: &Arc<StopConnection>) {
-        let mut guests = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        guests.retain(|known| known.strong_count() > 0);
-        guests.push_back(Arc::downgrade(connection));
+        let mut connections = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        connections.retain(|known| known.strong_count() > 0);
+        connections.push_back(Arc::downgrade(connection));
     }
 
     /// The place of the oldest that has said nothing, which is sent away.
     pub fn evict_oldest_silent_connection(&self) -> Option<OwnedSemaphorePermit> {
-        let guests = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let connections = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let silent = |guest: &Arc<StopConnection>| !guest.has_spoken.load(Ordering::SeqCst);
-        guests.iter().filter_map(Weak::upgrade).filter(silent).find_map(|guest| {
+        connections.iter().filter_map(Weak::upgrade).filter(silent).find_map(|guest| {
             let place = guest.place.lock().unwrap_or_else(PoisonError::into_inner).take()?;
             guest.leaves.notify_one();
             Some(place)

@@ -62,7 +62,7 @@ impl FingerStep {
     /// Whether `newer` stands in its place. A tap is driven in any case. An effect is replaced by one that begins later, so that the detents of
     /// a fast finger do not queue; fingers that only move do not replace it.
     fn makes_way_for(&self, newer: &Self) -> bool {
-        let is_replaced = newer.starts_effect || !self.is_control_click && newer.touch.feel == self.touch.feel;
+        let is_replaced = newer.starts_effect || !self.is_control_click && newer.touch.haptics == self.touch.haptics;
         !self.lifted && !self.is_tap && (!self.starts_effect || is_replaced)
     }
 
@@ -90,7 +90,7 @@ impl PageFingers {
             before.any(|finger| (finger.id, finger.effect) == (checked.finger.id, checked.finger.effect))
         };
         let newest = fingers.iter().rfind(|checked| checked.finger.effect.is_some() && !had(checked));
-        let last = before.as_ref().and_then(|touch| touch.feel.effect);
+        let last = before.as_ref().and_then(|touch| touch.haptics.effect);
         let going_on =
             || fingers.iter().find(|checked| checked.finger.effect.is_some() && checked.finger.effect == last);
         let first = || fingers.iter().find(|checked| checked.finger.effect.is_some());
@@ -129,12 +129,12 @@ impl PageFingers {
         let newly_down: Vec<i64> =
             ids.iter().filter(|id| !was_down(id) && !on_textures.contains(id)).copied().collect();
         // A message without an effect in between, or another effect, and a held finger feels it again.
-        let feels_other = before.as_ref().is_none_or(|before| before.feel != touch.feel);
-        let is_own_effect = touch.fingers.iter().any(|finger| finger.effect == touch.feel.effect);
-        let plays = |finger: &&Finger| !is_own_effect || finger.effect == touch.feel.effect;
+        let feels_other = before.as_ref().is_none_or(|before| before.haptics != touch.haptics);
+        let is_own_effect = touch.fingers.iter().any(|finger| finger.effect == touch.haptics.effect);
+        let plays = |finger: &&Finger| !is_own_effect || finger.effect == touch.haptics.effect;
         let effect_fingers: Vec<i64> = touch.fingers.iter().filter(plays).map(|finger| finger.id).collect();
         let is_new_effect_finger = newly_down.iter().any(|id| effect_fingers.contains(id));
-        let starts_effect = touch.feel.effect.is_some() && (feels_other || is_new_effect_finger);
+        let starts_effect = touch.haptics.effect.is_some() && (feels_other || is_new_effect_finger);
         let mut step = FingerStep {
             lifted: touch.fingers.is_empty(),
             touch,
@@ -166,7 +166,7 @@ impl PageFingers {
                     skipped.newly_down.into_iter().filter(|id| ids.contains(id) && !step.newly_down.contains(id));
                 let come: Vec<i64> = come.collect();
                 step.newly_down.extend(come);
-                step.starts_effect |= skipped.starts_effect && skipped.touch.feel == step.touch.feel;
+                step.starts_effect |= skipped.starts_effect && skipped.touch.haptics == step.touch.haptics;
             }
             dropped = push_step_with_error_if_oldest_step_dropped(steps, step);
         }

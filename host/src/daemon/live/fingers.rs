@@ -49,7 +49,7 @@ pub async fn drive_fingers_until_page_is_gone(
         {
             // The page reads nothing: it has missed older news than this.
             let _ = replies.try_send(build_error_message(&problem));
-            held_fingers.end_lifted_drive_after_minimum_tap(&app, &step.touch.fingers);
+            held_fingers.schedule_end_of_held_drive_if_any_finger_lifted(&app, &step.touch.fingers);
         }
         if lifted {
             held_fingers.end_held_drive_after_least_time_and_forget_fingers(&app);
@@ -125,7 +125,7 @@ impl HeldFingers {
 
     /// Whether there is nothing to drive for a step: its effect has begun before, or its fingers are lifted before their effect has ended.
     fn is_covered_by_effect(&self, app: &App, step: &FingerStep) -> bool {
-        let is_effect = step.touch.feel.effect.is_some();
+        let is_effect = step.touch.haptics.effect.is_some();
         step.is_only_move() && (is_effect || step.lifted && self.find_end_of_own_effect(app).is_some())
     }
 
@@ -163,11 +163,11 @@ impl HeldFingers {
     }
 
     async fn drive_step(&mut self, app: &Arc<App>, fingers: &PageFingers, step: FingerStep) -> Result<(), Problem> {
-        let is_even = step.touch.feel.effect.is_none() && step.touch.feel.duration_ms.is_none();
+        let is_even = step.touch.haptics.effect.is_none() && step.touch.haptics.duration_ms.is_none();
         let again =
             (is_even && !step.lifted).then(|| FingerStep { newly_down: Vec::new(), is_tap: false, ..step.clone() });
         let ids = step.touch.fingers.iter().map(|finger| finger.id).collect();
-        let is_effect = step.touch.feel.effect.is_some();
+        let is_effect = step.touch.haptics.effect.is_some();
         let touch =
             if is_effect { step.touch.clone().keep_only_fingers(&step.effect_fingers) } else { step.touch.clone() };
         let asker = Asker { client: self.client, ..Asker::default() };
@@ -216,7 +216,7 @@ impl HeldFingers {
 
     /// Ends the drive that is held if one of its fingers is not among these any more: what was to take its place has not, and a finger that is
     /// lifted must not vibrate on.
-    fn end_lifted_drive_after_minimum_tap(&mut self, app: &App, fingers_down: &[Finger]) {
+    fn schedule_end_of_held_drive_if_any_finger_lifted(&mut self, app: &App, fingers_down: &[Finger]) {
         let is_down = |id: &i64| fingers_down.iter().any(|touch| touch.id == *id);
         if !self.held_for.iter().all(is_down) {
             self.still = None;

@@ -10,7 +10,7 @@ use crate::daemon::api::problem::Problem;
 use crate::daemon::app::App;
 use crate::daemon::touch::Touch;
 use crate::daemon::touch::check::CheckedFinger;
-use crate::daemon::touch::request::{Feel, Finger};
+use crate::daemon::touch::request::{Finger, RequestedHaptics};
 use crate::effects::NamedEffect;
 use crate::planner::click::Preference;
 use futures_util::FutureExt;
@@ -182,7 +182,7 @@ impl PageReader {
         loop {
             let own_effect =
                 if rest.effect.is_none() { self.fingers.choose_effect_of_newest_finger(&down) } else { None };
-            let feel = Feel {
+            let haptics = RequestedHaptics {
                 intensity_g: rest.intensity_g,
                 intensity_db: rest.intensity_db,
                 duration_ms: rest.duration_ms,
@@ -192,7 +192,7 @@ impl PageReader {
                 crisp_ms: rest.crisp_ms,
                 prefer: rest.prefer,
             };
-            let problem = match Touch::from_fingers(&down, feel) {
+            let problem = match Touch::from_fingers(&down, haptics) {
                 Ok(touch) => return self.queue_fingers_and_what_is_felt(touch, felt, stops),
                 Err(problem) => problem,
             };
@@ -214,7 +214,7 @@ impl PageReader {
     /// Has fingers outside of the controls driven, and what those on controls feel.
     fn queue_fingers_and_what_is_felt(&self, outside: Touch, felt: Felt, stop_count: u64) -> Result<(), Problem> {
         // As for fingers without controls: while one has an effect, nothing else vibrates.
-        let on_textures = if outside.feel.effect.is_none() {
+        let on_textures = if outside.haptics.effect.is_none() {
             self.check_fingers_leaving_out_invalid(felt.textures)
         } else {
             Vec::new()
@@ -223,7 +223,7 @@ impl PageReader {
         let steady = if on_textures.is_empty() {
             outside
         } else {
-            let textures = Touch::from_fingers(&on_textures, Feel::default())?;
+            let textures = Touch::from_fingers(&on_textures, RequestedHaptics::default())?;
             // What the message says of its fingers is not about them.
             if outside.fingers.is_empty() { textures } else { outside.with_added_fingers_of(&textures) }
         };
@@ -239,9 +239,9 @@ impl PageReader {
     /// Has a click of controls played; `steady` is what goes on after it.
     fn queue_click(&self, click: FeltClick, steady: &Touch, stop_count: u64) -> Result<(), Problem> {
         let FeltClick { fingers, cause } = click;
-        let mut feel = Feel { effect: Some(NamedEffect::Click), ..Feel::default() };
+        let mut haptics = RequestedHaptics { effect: Some(NamedEffect::Click), ..RequestedHaptics::default() };
         if cause == ClickCause::Release {
-            (feel.crisp_ms, feel.prefer) = (Some(RELEASE_CRISP_MS), Some(Preference::Crispness));
+            (haptics.crisp_ms, haptics.prefer) = (Some(RELEASE_CRISP_MS), Some(Preference::Crispness));
         }
         let clicking = self.check_fingers_leaving_out_invalid(fingers);
         if clicking.is_empty() {
@@ -250,7 +250,7 @@ impl PageReader {
         let ids: Vec<i64> = clicking.iter().map(|checked| checked.finger.id).collect();
         let others: Vec<i64> = steady.fingers.iter().map(|finger| finger.id).filter(|id| !ids.contains(id)).collect();
         let touch =
-            Touch::from_fingers(&clicking, feel)?.with_added_fingers_of(&steady.clone().keep_only_fingers(&others));
+            Touch::from_fingers(&clicking, haptics)?.with_added_fingers_of(&steady.clone().keep_only_fingers(&others));
         self.fingers.queue_control_click_with_error_if_oldest_step_dropped(
             touch,
             ids,

@@ -1,6 +1,8 @@
 //! A touch that has been checked, in the planner's units: the one place where the values of a touch are looked at.
 
-use super::request::{Feel, Finger, MAX_DURATION_MS, MAX_INTENSITY_G, MIN_DURATION_MS, QuietZone, TouchRequest};
+use super::request::{
+    Finger, MAX_DURATION_MS, MAX_INTENSITY_G, MIN_DURATION_MS, QuietZone, RequestedHaptics, TouchRequest,
+};
 use crate::daemon::api::kinds::ProblemKind;
 use crate::daemon::api::problem::Problem;
 use crate::effects::{DesignError, EffectDesign, EffectError, EffectRequest, Intensity};
@@ -27,7 +29,7 @@ pub struct Touch {
     /// For how long, and how, the plan is driven.
     pub mode: DriveMode,
     /// What it should feel like, as it was asked for.
-    pub feel: Feel,
+    pub haptics: RequestedHaptics,
     /// Where there are time windows.
     pub spans: Option<Vec<Span>>,
     /// Whether to work out what can be had where it cannot be had in full.
@@ -60,8 +62,8 @@ impl Touch {
     /// # Errors
     /// [`Problem`] that names field, value and range; `also[0].x_px` for the first other target.
     pub fn from_request(asked: &TouchRequest, scene: &Scene) -> Result<Self, Problem> {
-        let feel = asked.requested_feel();
-        let (intensity, mode) = feel.check_strength_and_mode(DEFAULT_DURATION_MS)?;
+        let haptics = asked.requested_haptics();
+        let (intensity, mode) = haptics.check_strength_and_mode(DEFAULT_DURATION_MS)?;
         let also = asked.also.iter().flatten();
         let first = Finger { id: 0, x_px: asked.x_px, y_px: asked.y_px, intensity_g: None, effect: None };
         let others = (1..).zip(also.clone()).map(|(id, other)| Finger {
@@ -94,23 +96,23 @@ impl Touch {
         let ends: Vec<(Option<f64>, Option<f64>)> = std::iter::once((asked.from_ms, asked.to_ms))
             .chain(also.map(|other| (other.from_ms, other.to_ms)))
             .collect();
-        let spans = check_and_cut_windows_into_spans(&ends, feel.duration_ms, &mode, name)?;
-        Ok(Self { fingers, request, intensity, mode, feel, spans, wants_trade: asked.trade.unwrap_or(false) })
+        let spans = check_and_cut_windows_into_spans(&ends, haptics.duration_ms, &mode, name)?;
+        Ok(Self { fingers, request, intensity, mode, haptics, spans, wants_trade: asked.trade.unwrap_or(false) })
     }
 
     /// The touch of the fingers on a page, each of which has been checked by itself.
     ///
     /// # Errors
     /// [`Problem`] that names field, value and range of what the fingers should feel like.
-    pub fn from_fingers(fingers: &[CheckedFinger], feel: Feel) -> Result<Self, Problem> {
-        let (intensity, mode) = feel.check_strength_and_mode(MAX_DURATION_MS)?;
+    pub fn from_fingers(fingers: &[CheckedFinger], haptics: RequestedHaptics) -> Result<Self, Problem> {
+        let (intensity, mode) = haptics.check_strength_and_mode(MAX_DURATION_MS)?;
         let targets: Vec<Target> = fingers.iter().map(|checked| checked.target).collect();
         Ok(Self {
             fingers: fingers.iter().map(|checked| checked.finger).collect(),
             request: Request::for_touch(&targets),
             intensity,
             mode,
-            feel,
+            haptics,
             spans: None,
             wants_trade: false,
         })
@@ -124,7 +126,7 @@ impl Touch {
             request: Request::for_touch(&[]),
             intensity: None,
             mode: DriveMode::Hold(Duration::ZERO),
-            feel: Feel::default(),
+            haptics: RequestedHaptics::default(),
             spans: None,
             wants_trade: false,
         }
@@ -173,7 +175,7 @@ impl QuietZone {
     }
 }
 
-impl Feel {
+impl RequestedHaptics {
     /// Strength and mode; a touch that says nothing of its length is held for `default_hold_ms`.
     fn check_strength_and_mode(&self, default_hold_ms: u32) -> Result<(Option<Intensity>, DriveMode), Problem> {
         check_intensity_range(self.intensity_g)?;
@@ -214,7 +216,7 @@ impl Feel {
             }
             return Ok((intensity, DriveMode::Hold(Duration::from_secs_f64(duration_ms / 1e3))));
         };
-        let Feel { duration_ms, count, period_ms, crisp_ms, prefer, .. } = *self;
+        let RequestedHaptics { duration_ms, count, period_ms, crisp_ms, prefer, .. } = *self;
         let request = EffectRequest { effect, duration_ms, count, period_ms, crisp_ms, prefer };
         // Before anything is planned.
         request.build_envelope_or_plain_push_if_click()?;

@@ -110,8 +110,8 @@ pub struct QuietZone {
 impl TouchRequest {
     /// What it should feel like.
     #[must_use]
-    pub const fn requested_feel(&self) -> Feel {
-        Feel {
+    pub const fn requested_haptics(&self) -> RequestedHaptics {
+        RequestedHaptics {
             intensity_g: self.intensity_g,
             intensity_db: self.intensity_db,
             duration_ms: self.duration_ms,
@@ -127,7 +127,7 @@ impl TouchRequest {
 /// What touches should feel like, unchecked; fields as in [`TouchRequest`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[allow(missing_docs, reason = "documented at TouchRequest")]
-pub struct Feel {
+pub struct RequestedHaptics {
     pub intensity_g: Option<f64>,
     pub intensity_db: Option<f64>,
     pub duration_ms: Option<f64>,

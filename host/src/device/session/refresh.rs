@@ -150,7 +150,7 @@ impl SessionWorker {
                 }
                 // What has been measured with it is not asked for again.
                 if seen.measured {
-                    self.choose_snapshot_part_to_request_after_details()
+                    self.credit_as_next_snapshot_part_if_supported()
                 } else {
                     Some(SnapshotPart::Telemetry)
                 }
@@ -163,7 +163,7 @@ impl SessionWorker {
             SnapshotPart::Details => {
                 let seen = self.request_details()?;
                 self.update_snapshot_silently(|snapshot| snapshot.details = Some(seen));
-                self.choose_snapshot_part_to_request_after_details()
+                self.credit_as_next_snapshot_part_if_supported()
             }
             SnapshotPart::Credit => {
                 let seen = self.request_credit()?;
@@ -182,7 +182,7 @@ impl SessionWorker {
         Ok(())
     }
 
-    fn choose_snapshot_part_to_request_after_details(&self) -> Option<SnapshotPart> {
+    fn credit_as_next_snapshot_part_if_supported(&self) -> Option<SnapshotPart> {
         self.speaks_version_or_later(Request::Credit.introduced_in_version()).then_some(SnapshotPart::Credit)
     }
 

@@ -73,7 +73,7 @@ fn label_of_level(
     level: usize,
 ) -> String {
     let name = |at: f64| label_of_value_at_coordinate(study, dimension, dimension_index, at);
-    match levels.first_and_last_coordinate_if_countable_values_are_grouped(level).map(|ends| ends.map(name)) {
+    match levels.first_and_last_unit_coordinate_in_level_if_values_are_grouped(level).map(|ends| ends.map(name)) {
         Some([first, last]) if first != last => format!("{first} to {last}"),
         _ => levels.at.get(level).map(|at| name(*at)).unwrap_or_default(),
     }

@@ -108,7 +108,7 @@ impl DimensionLevels {
     /// Coordinates of the first and the last value in a level, where it has several of what can be counted.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "a few levels")]
-    pub fn first_and_last_coordinate_if_countable_values_are_grouped(&self, level: usize) -> Option<[f64; 2]> {
+    pub fn first_and_last_unit_coordinate_in_level_if_values_are_grouped(&self, level: usize) -> Option<[f64; 2]> {
         let of = self.of?;
         let in_it = |k: &usize| self.level_index_of_coordinate((*k as f64 + 0.5) / of as f64) == level;
         let (first, last) = ((0..of).find(in_it)?, (0..of).rfind(in_it)?);
@@ -279,16 +279,13 @@ mod tests {
             assert!((mean - (k * k) as f64).abs() < 1e-9, "{means:?}");
         }
         assert_eq!((found.main[1].cut.at.as_slice(), found.main[1].levels.len()), ([0.0, 0.5, 1.0].as_slice(), 3));
-        assert!(
-            (0..3).all(|level| found.main[1]
-                .cut
-                .first_and_last_coordinate_if_countable_values_are_grouped(level)
-                .is_none())
-        );
+        assert!((0..3).all(|level| {
+            found.main[1].cut.first_and_last_unit_coordinate_in_level_if_values_are_grouped(level).is_none()
+        }));
         // Of sixty values twelve are in each of five levels: the first to the twelfth, ...
         let ends = found.main[2]
             .cut
-            .first_and_last_coordinate_if_countable_values_are_grouped(0)
+            .first_and_last_unit_coordinate_in_level_if_values_are_grouped(0)
             .unwrap()
             .map(|at| index_at_fraction(60, at));
         assert_eq!((found.main[2].cut.count_levels(), ends), (5, [0, 11]));

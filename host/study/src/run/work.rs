@@ -156,7 +156,7 @@ impl EvolutionSearch<'_> {
         let count = self
             .study
             .evolution_if_points_depend_on_results()
-            .map_or(0, crate::ways::Evolution::generations_per_search);
+            .map_or(0, crate::methods::Evolution::generations_per_search);
         let mut told: Vec<Vec<f64>> = Vec::with_capacity(count);
         for generation in 0..count {
             let task = StudyTask::Generation { run: run_index, generation };

@@ -3,8 +3,8 @@
 
 use super::design::{self, CubeDimension, VariableSetting};
 use super::{DesignSpace, collect_all_places_of_paths, document};
+use crate::methods::draw_latin_hypercube;
 use crate::spec::{MinimumDistance, PathStep, StudyVariable, VariableKind, WantedFigure};
-use crate::ways::draw_latin_hypercube;
 use era_model::scene::random::RandomSequence;
 use era_model::scene::read::MistakeReport;
 use std::cell::{Cell, LazyCell};

@@ -122,7 +122,7 @@ fn read_variable(section: TomlSection<'_, '_>, list: Option<&toml_edit::Array>) 
                 section.read_required_positive_count_or_1("to", 1000) as usize,
             );
             if from > to {
-                section.report_wrong_value("from", from.to_string(), &format!("at most {to}, the value of `to`"));
+                section.report_wrong_value("from", from.to_string(), &format!("no larger than `to`, which is {to}"));
             }
             (format!("number of {}", pluralise_list_name(&list)), Some(VariableKind::Count { list, from, to }))
         }
@@ -174,7 +174,7 @@ fn read_number_range(section: &TomlSection<'_, '_>, step_key: &'static str, allo
     let (from, to) =
         (section.read_required_number_or_nan("from", allowed), section.read_required_number_or_nan("to", allowed));
     if from > to {
-        section.report_wrong_value("from", from.to_string(), &format!("at most {to}, the value of `to`"));
+        section.report_wrong_value("from", from.to_string(), &format!("no larger than `to`, which is {to}"));
     }
     let words = [("linear", NumberScale::Linear), ("log", NumberScale::Log)];
     let scale = if section.has_key_marking_known("scale") { section.read_required_word("scale", &words) } else { None };
@@ -377,7 +377,7 @@ fn read_limit_unless_figure_invalid(section: TomlSection<'_, '_>) -> Option<Figu
     let least = section.read_optional_number_or_nan("least", f64::NEG_INFINITY, ANY);
     let most = section.read_optional_number_or_nan("most", f64::INFINITY, ANY);
     if least > most {
-        section.report_wrong_value("least", least.to_string(), &format!("at most {most}, the value of `most`"));
+        section.report_wrong_value("least", least.to_string(), &format!("no larger than `most`, which is {most}"));
     }
     section.report_unknown_keys();
     Some(FigureLimit { wanted: wanted?, least, most })

@@ -84,7 +84,7 @@ pub(super) fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValu
         section.report_wrong_value(
             "from_hz",
             method.from_hz.to_string(),
-            &format!("at most {}, the value of `to_hz`", method.to_hz),
+            &format!("no larger than `to_hz`, which is {}", method.to_hz),
         );
     }
     let words = [("quick", false), ("thorough", true)];

@@ -24,7 +24,7 @@ fn every_mistake_is_told_with_key_value_allowed_and_line() {
         (1, "version is 2, but must be 1"),
         (4, "unknown key speed"),
         (6, "\"support[0].x_mm\" is not a path to a key or table of a scene"),
-        (7, "variable[1].from is 3, but must be at most 1, the value of `to`"),
+        (7, "variable[1].from is 3, but must be no larger than `to`, which is 1"),
         (11, "variable[2].within_mm is [0, 0, 1], but must be a list of 4 numbers"),
         (14, "variable[3].from is 0, but must be above 0, because the scale is \"log\""),
         (20, "variable[4].names is a list of 1 names, but must be a list with one name for each value: 2 names"),

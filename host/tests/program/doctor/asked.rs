@@ -116,7 +116,7 @@ fn a_daemon_is_asked_in_place_of_its_board() {
             &format!("http://{address}"),
             &agent,
             None,
-            era::doctor::daemon::WayToDaemon::default(),
+            era::doctor::daemon::DaemonRequestRoute::default(),
         ) {
             Daemon::Runs { heard: Some(heard), port, .. } if heard.supply.is_some() => Some((*heard, port)),
             _ => None,

@@ -121,7 +121,7 @@ fn make_wrong_study_body(variable_count: usize) -> String {
 }
 
 /// All of them; the stop itself is measured beside each.
-pub fn list_cases() -> Vec<Case> {
+pub fn list_request_kinds_to_measure_cost_of() -> Vec<Case> {
     let text = |length: usize| json!({"x_px": 1, "y_px": 2, "also": "x".repeat(length)}).to_string();
     let live = |route, bound, bodies: Vec<String>| Case {
         sending: Sending::Live,
@@ -308,7 +308,7 @@ mod tests {
     #[test]
     fn every_operation_of_the_interface_has_a_case() {
         let description: Value = serde_json::from_str(era::daemon::description()).unwrap();
-        let cases = list_cases();
+        let cases = list_request_kinds_to_measure_cost_of();
         let requests: Vec<(&str, &str)> =
             cases.iter().flat_map(|case| &case.requests).map(|(method, path, _)| (*method, path.as_str())).collect();
         for (path, operations) in description["paths"].as_object().unwrap() {

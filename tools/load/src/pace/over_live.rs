@@ -28,7 +28,7 @@ pub fn send_touches_over_live(address: SocketAddr, pace: Pace) -> Result<Vec<Tou
         let lifted = writer.send(&json!({"type": "touch", "touches": []}));
         Ok::<_, String>((sent.and_then(|sent| lifted.map(|()| sent))?, messages?))
     })?;
-    Ok(match_messages_to_touches(pace.first, &sent, &messages))
+    Ok(tell_outcome_of_each_touch_from_messages(pace.first, &sent, &messages))
 }
 
 /// How long a finger that taps is down: as long as a touch of the other ways in.
@@ -65,7 +65,11 @@ fn read_messages(reader: &mut Live, until: Instant) -> Result<Vec<(Instant, Valu
 }
 
 /// What became of each place, of which the first has the number `first_number`. The daemon takes them in their order: a plan for one says that those before it are driven no more.
-fn match_messages_to_touches(first_number: u32, due: &[Instant], messages: &[(Instant, Value)]) -> Vec<Touch> {
+fn tell_outcome_of_each_touch_from_messages(
+    first_number: u32,
+    due: &[Instant],
+    messages: &[(Instant, Value)],
+) -> Vec<Touch> {
     let mut all: Vec<Touch> = Vec::with_capacity(due.len());
     for (at, message) in messages {
         if message["type"] == "error" {
@@ -121,7 +125,7 @@ mod tests {
             |k: u32| json!({"type": "plan", "touches": [{"x_px": distinct_x_px_of_touch(k)}], "plan": {"drives": []}});
         let error = json!({"type": "error", "problem": {"type": "urn:era:problem:device-refused"}});
         let messages = [(ms(3), plan(0)), (ms(4), plan(2)), (ms(5), error), (ms(6), plan(2)), (ms(7), plan(4))];
-        let ends: Vec<(u128, TouchEnd)> = match_messages_to_touches(0, &due, &messages)
+        let ends: Vec<(u128, TouchEnd)> = tell_outcome_of_each_touch_from_messages(0, &due, &messages)
             .into_iter()
             .map(|touch| ((touch.ended - touch.due).as_millis(), touch.end))
             .collect();
@@ -145,7 +149,7 @@ mod tests {
         let zero = Instant::now();
         let due = [zero, zero + Duration::from_millis(5)];
         let early = json!({"type": "plan", "touches": [{"x_px": distinct_x_px_of_touch(1)}], "plan": {"drives": []}});
-        let ends = match_messages_to_touches(0, &due, &[(zero + Duration::from_millis(1), early)]);
+        let ends = tell_outcome_of_each_touch_from_messages(0, &due, &[(zero + Duration::from_millis(1), early)]);
         assert!(ends.iter().all(|touch| matches!(touch.end, TouchEnd::Refused(_))), "{ends:?}");
     }
 }

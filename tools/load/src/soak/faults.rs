@@ -156,7 +156,7 @@ impl Faults<'_> {
     }
 
     /// Waits until a touch is driven.
-    fn retry_touch_until_driven(&self) -> SeenAfter {
+    fn retry_touch_and_measure_time_until_driven(&self) -> SeenAfter {
         let (begun, mut http) = (Instant::now(), self.new_http_client());
         let mut last = String::new();
         while begun.elapsed() < AGAIN {
@@ -241,7 +241,7 @@ impl Faults<'_> {
         self.ledger.record_fault(
             FaultKind::Unplugged,
             later_if_both_seen(off, noticed),
-            self.retry_touch_until_driven(),
+            self.retry_touch_and_measure_time_until_driven(),
         );
         Ok(())
     }
@@ -276,7 +276,11 @@ impl Faults<'_> {
         let noticed = self.await_condition_on_metrics_text("neither doubt, outage nor fault was counted", |text| {
             Self::sum_doubt_outage_and_fault_counts_in_metrics(text) > before
         });
-        self.ledger.record_fault(kind, later_if_both_seen(off, noticed), self.retry_touch_until_driven());
+        self.ledger.record_fault(
+            kind,
+            later_if_both_seen(off, noticed),
+            self.retry_touch_and_measure_time_until_driven(),
+        );
         Ok(())
     }
 
@@ -289,7 +293,7 @@ impl Faults<'_> {
                 // On a busy machine it may have been a frame that was sent again while its answer was on the way: nobody misses that.
                 noticed = self.insert_rubbish_if_frame_fits_and_await_detection(direction, at).unwrap_or(noticed);
             }
-            let again = self.retry_touch_until_driven();
+            let again = self.retry_touch_and_measure_time_until_driven();
             self.ledger.record_fault(kind, noticed, again);
         }
     }
@@ -331,7 +335,11 @@ impl Faults<'_> {
         let noticed = self.await_condition_on_metrics_text("neither outage nor fault was counted", |text| {
             Self::sum_doubt_outage_and_fault_counts_in_metrics(text) > before
         });
-        self.ledger.record_fault(FaultKind::Held, later_if_both_seen(off, noticed), self.retry_touch_until_driven());
+        self.ledger.record_fault(
+            FaultKind::Held,
+            later_if_both_seen(off, noticed),
+            self.retry_touch_and_measure_time_until_driven(),
+        );
         Ok(())
     }
 
@@ -347,7 +355,7 @@ impl Faults<'_> {
             SlowClientEnd::Borne => Err("the daemon still serves this client".into()),
             SlowClientEnd::Unknown => return,
         };
-        let again = self.retry_touch_until_driven();
+        let again = self.retry_touch_and_measure_time_until_driven();
         self.ledger.record_fault(kind, detected, again);
     }
 
@@ -361,7 +369,7 @@ impl Faults<'_> {
         let off = driven.and_then(|()| self.await_high_voltage_off());
         self.daemon = Daemon::start(&self.plan)?;
         self.world.set_serving_daemon_incrementing_generation(self.daemon.address);
-        self.ledger.record_fault(FaultKind::Killed, off, self.retry_touch_until_driven());
+        self.ledger.record_fault(FaultKind::Killed, off, self.retry_touch_and_measure_time_until_driven());
         Ok(())
     }
 

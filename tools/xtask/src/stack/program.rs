@@ -50,7 +50,7 @@ impl ImageSections<'_> {
         })
     }
 
-    fn is_code(&self, address: u32) -> bool {
+    fn is_code_by_mapping_symbols(&self, address: u32) -> bool {
         self.marks.range(..=address).next_back().is_none_or(|(_, code)| *code)
     }
 }
@@ -114,7 +114,7 @@ impl Program {
         let (mut cleared, mut low, mut leaves) = (None, BTreeMap::new(), false);
         let mut address = range.start;
         while address < range.end {
-            if !image.is_code(address) {
+            if !image.is_code_by_mapping_symbols(address) {
                 // Constants between the instructions: an address among them may be called.
                 if address.is_multiple_of(4)
                     && let (Some(first), Some(second)) =

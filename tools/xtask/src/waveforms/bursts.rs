@@ -193,7 +193,7 @@ impl BurstRun<'_> {
         let later = if self.random.bool() { 0 } else { self.random.u64(0..5_000_000) };
         let start = sequencer.earliest_sequence_start_clock(used, self.now_us) + later;
         placed.set_start_clock(start);
-        sequencer.play_windows_ending_all_drives(&placed, self.now_us);
+        sequencer.play_windows_at_their_times_ending_drives_at_next_boundary(&placed, self.now_us);
         let expected = list_expected_pulses(&windows, start);
         let last = expected.iter().flatten().map(|pulse| pulse.to).max().unwrap_or(start);
         let clocks_per_us = u64::from(self.limits.timer_clock_hz / 1_000_000);

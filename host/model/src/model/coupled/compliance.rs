@@ -72,7 +72,7 @@ impl BarePanel {
         let attached = AttachedVectors::assemble_point_attachments_of_scene(self.model.grid(), scene);
         let (free, modes) = (self.count_unknowns(), self.count_modes());
         let all = self.collect_distinct_load_shapes_of_attachments_and_edges(&attached.attachments, free);
-        let missing = self.estimate_plate_flexibility_missed_by_mesh_if_comparable(&attached, scene, &all);
+        let missing = self.extrapolate_plate_flexibility_missed_by_mesh_if_lower_mesh_matches(&attached, scene, &all);
         // What holds the panel: springs to the ground. One to a mass that nothing else holds bears nothing.
         let mut stiffness = vec![0.0; all.len()];
         for attachment in

@@ -8,14 +8,14 @@ use crate::scene::MAX_ACTUATORS;
 
 /// What is nearer than this to the best, as a part of it, is as good.
 const AS_GOOD: f64 = 1e-10;
-/// Subproblem of the wishes that is nothing: a millionth of what wishes count at most over what can be reached at all.
+/// Part of the wishes that is nothing: a millionth of what wishes count at most over what can be reached at all.
 const NO_PART: f64 = 1e-12;
 /// Bounds of all combinations together, at most, before they are divided, and those of a part.
 const FIRST_ROUNDS: usize = 30;
 const PART_ROUNDS: usize = 6;
 /// Rounds in which the dual variables of a combination's own forces are tried: where no limit binds they prove it to be the best.
 const OWN_DUALS: usize = 3;
-/// Subproblem of its distance from what is known within which a bound may stay of the least that it can become.
+/// Part of its distance from what is known within which a bound may stay of the least that it can become.
 const NEAR_LEAST: f64 = 0.1;
 /// Columns kept of a mixture besides those in use.
 const MOST_COLUMNS: usize = 48;
@@ -25,7 +25,7 @@ const FEW: usize = 12;
 const TRIED: usize = 4;
 /// Rounds for which a mixture is looked for that does all that is asked for.
 const FEASIBLE_ROUNDS: usize = 8;
-/// Subproblem of a wish that may be missing by rounding.
+/// Part of a wish that may be missing by rounding.
 const MISSING: f64 = 1e-9;
 
 /// A part of the set of all combinations.
@@ -80,7 +80,7 @@ impl<'a> BranchAndBound<'a> {
             self.allocate_combination_and_keep_if_best(&first_combination);
         }
         let whole = SearchRegion::with_all_candidates(self.choices);
-        let first = LagrangianBound::evaluate_over_region_if_spacing_can_be_kept(
+        let first = LagrangianBound::evaluate_over_region_if_frequency_spacing_can_be_kept(
             self.choices,
             &whole,
             &self.duals_at_which_one_actuator_meets_wishes(),
@@ -295,7 +295,7 @@ impl<'a> BranchAndBound<'a> {
                 break;
             }
             self.count_search_step();
-            let found = LagrangianBound::evaluate_over_region_if_spacing_can_be_kept(
+            let found = LagrangianBound::evaluate_over_region_if_frequency_spacing_can_be_kept(
                 self.choices,
                 &subproblem.space,
                 &next,
@@ -399,7 +399,7 @@ impl<'a> BranchAndBound<'a> {
             if self.kind == SearchGoal::Reach || mixture.met >= 1.0 - MISSING {
                 return Ok(Some(mixture));
             }
-            let found = LagrangianBound::evaluate_over_region_if_spacing_can_be_kept(
+            let found = LagrangianBound::evaluate_over_region_if_frequency_spacing_can_be_kept(
                 self.choices,
                 &subproblem.space,
                 &mixture.duals,

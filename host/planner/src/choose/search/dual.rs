@@ -53,7 +53,7 @@ pub struct LagrangianBound {
 
 impl LagrangianBound {
     /// Evaluates the bound; `None` if no frequencies of the region keep their spacing.
-    pub fn evaluate_over_region_if_spacing_can_be_kept(
+    pub fn evaluate_over_region_if_frequency_spacing_can_be_kept(
         choices: &CandidateSet,
         region: &SearchRegion,
         duals: &DualVariables,

@@ -62,14 +62,14 @@ fn drives(force_n: f64, frequency_hz: f64) -> Vec<Drive> {
 #[test]
 fn rails_that_are_up_make_the_difference_on_a_panel_at_rest() {
     let (residual, drives) = (residual(), drives(1.0, 100.0));
-    let room = |size: f64, board: RailState| {
+    let headroom = |size: f64, board: RailState| {
         residual.find_wait_and_force_fraction_within_travel_limits(&motion(size, 100.0), Some(&drives), 0.0, board)
     };
-    assert_eq!(room(1.0, RailState::Down), StartHeadroom::ALL);
+    assert_eq!(headroom(1.0, RailState::Down), StartHeadroom::ALL);
     // It goes twice as far when it begins at once, and nothing that a wait could mend is left.
-    assert_eq!(room(1.0, RailState::Up), StartHeadroom::without_wait(0.5 * (1.0 + LIMIT_TOLERANCE)));
-    assert_eq!(room(0.5, RailState::Up), StartHeadroom::ALL);
-    assert_eq!(room(1.1, RailState::Down), StartHeadroom::without_wait((1.0 + LIMIT_TOLERANCE) / 1.1));
+    assert_eq!(headroom(1.0, RailState::Up), StartHeadroom::without_wait(0.5 * (1.0 + LIMIT_TOLERANCE)));
+    assert_eq!(headroom(0.5, RailState::Up), StartHeadroom::ALL);
+    assert_eq!(headroom(1.1, RailState::Down), StartHeadroom::without_wait((1.0 + LIMIT_TOLERANCE) / 1.1));
 }
 
 #[test]
@@ -91,7 +91,7 @@ fn a_touch_is_weaker_by_what_is_left_and_waits_where_that_doubles_it() {
     let expected = 0.6 * f64::exp(-10.0 * (5.3 - end_s)) + 0.3 * f64::exp(-40.0 * (5.3 - end_s));
     assert!((left(5.3) - expected).abs() < 1e-9, "{} {expected}", left(5.3));
     // 0.12 is left of the limit, and 0.8 is needed; 30 ms later more than twice as much.
-    let room = |now_s: f64| {
+    let headroom = |now_s: f64| {
         residual.find_wait_and_force_fraction_within_travel_limits(
             &motion(0.4, 200.0),
             Some(&drives),
@@ -106,11 +106,11 @@ fn a_touch_is_weaker_by_what_is_left_and_waits_where_that_doubles_it() {
             < 1e-9
     );
     assert!(
-        (room(5.0).force_fraction - (1.02 - left(5.03)) / 0.8).abs() < 1e-9 && room(5.0).wait_s == 0.03,
+        (headroom(5.0).force_fraction - (1.02 - left(5.03)) / 0.8).abs() < 1e-9 && headroom(5.0).wait_s == 0.03,
         "{:?}",
-        room(5.0)
+        headroom(5.0)
     );
-    let later = room(5.1);
+    let later = headroom(5.1);
     assert!((later.force_fraction - (1.02 - left(5.1)) / 0.8).abs() < 1e-9 && later.wait_s == 0.0, "{later:?}");
     // 30 ms are the most it waits; and it does not wait again.
     let mut residual = super::tests::residual();
@@ -124,18 +124,19 @@ fn a_touch_is_weaker_by_what_is_left_and_waits_where_that_doubles_it() {
     );
     residual.record_end_of_drives_with_id(1, 4.99);
     let next = motion(0.4, 200.0);
-    let room =
+    let headroom =
         residual.find_wait_and_force_fraction_within_travel_limits(&next, Some(&drives), 5.0, RailState::Driving);
     let now = residual.max_force_fraction_that_fits_without_wait(&next, Some(&drives), 5.0, RailState::Driving);
     assert!(
-        room.force_fraction >= WORTH_WAITING * now && room.wait_s > 0.0 && room.wait_s <= LONGEST_WAIT_S,
-        "{room:?} {now}"
+        headroom.force_fraction >= WORTH_WAITING * now && headroom.wait_s > 0.0 && headroom.wait_s <= LONGEST_WAIT_S,
+        "{headroom:?} {now}"
     );
     residual.record_end_of_current_drives(5.0, Ending::AtItsBoundary);
-    let then_s = 5.0 + room.wait_s;
+    let then_s = 5.0 + headroom.wait_s;
     let then = residual.find_wait_and_force_fraction_within_travel_limits(&next, Some(&drives), then_s, RailState::Up);
     assert!(
-        (then.force_fraction - room.force_fraction).abs() < 1e-9 && then.wait_s < LONGEST_WAIT_S - room.wait_s + 1e-9,
+        (then.force_fraction - headroom.force_fraction).abs() < 1e-9
+            && then.wait_s < LONGEST_WAIT_S - headroom.wait_s + 1e-9,
         "{then:?}"
     );
     assert_eq!(
@@ -167,12 +168,12 @@ fn what_goes_on_as_it_is_or_nearly_keeps_its_strength() {
     // The same, a little weaker: of what is left only the difference counts.
     let weaker = drives(0.98, 100.0);
     assert_eq!(part(&motion(0.93, 100.0), Some(&weaker), RailState::Driving), 1.0);
-    // As an effect, or when the board has ended it, it begins anew, beside 0.95 of what is left.
-    let anew = (1.0 + LIMIT_TOLERANCE - 0.95) / (2.0 * 0.95);
+    // As an effect, or when the board has ended it, it begins fraction_after_restart, beside 0.95 of what is left.
+    let fraction_after_restart = (1.0 + LIMIT_TOLERANCE - 0.95) / (2.0 * 0.95);
     for found in
         [part(&motion(0.95, 100.0), None, RailState::Driving), part(&motion(0.95, 100.0), Some(&first), RailState::Up)]
     {
-        assert!((found - anew).abs() < 1e-9, "{found}");
+        assert!((found - fraction_after_restart).abs() < 1e-9, "{found}");
     }
     // Another channel had the frequency: the board keeps in phase with that one.
     let mut other = motion(0.93, 100.0);
@@ -221,7 +222,7 @@ fn what_electrodes_make_grow_counts_for_more() {
 
 #[test]
 fn weaker_until_there_is_room() {
-    // What takes room by the root of its force: the first try is not enough.
+    // What takes headroom by the root of its force: the first try is not enough.
     let tries = std::cell::RefCell::new(Vec::new());
     let weaker = |part: f64| -> Result<f64, ()> {
         tries.borrow_mut().push(part);
@@ -235,20 +236,20 @@ fn weaker_until_there_is_room() {
     assert_eq!(find_fraction_and_plan_within_headroom(7.0, |_| Err(()), |_| 1.0), Ok((1.0, 7.0)));
 }
 
-/// What is near to what is driven has room, as little is left of the change; what is weaker by much has next to none.
+/// What is near to what is driven has headroom, as little is left of the change; what is weaker by much has next to none.
 #[test]
 fn a_narrow_room_is_found() {
-    let room = |part: &f64| match *part {
+    let headroom = |part: &f64| match *part {
         part if part > 0.99 => 0.97,
         part if part > 0.95 => 0.99,
         part if part > 0.9 => 1.0,
         _ => 0.1,
     };
-    let (part, _) = find_fraction_and_plan_within_headroom(1.0, Ok::<_, ()>, room).unwrap();
+    let (part, _) = find_fraction_and_plan_within_headroom(1.0, Ok::<_, ()>, headroom).unwrap();
     assert!(part > 0.9, "{part}");
 }
 
-/// Growing takes the largest of its steps for which there is room, and never a step back.
+/// Growing takes the largest of its steps for which there is headroom, and never a step back.
 #[test]
 fn a_growing_touch_takes_no_step_back() {
     let up_to = |most: f64| move |part: &f64| if (0.5..=most).contains(part) { 1.0 } else { 0.2 };
@@ -276,17 +277,17 @@ fn drives_that_have_just_begun_go_on_for_a_moment() {
         5.0,
     );
     let next = (motion(1.0, 200.0), drives(1.0, 200.0));
-    let room = |residual: &ResidualVibration, now_s: f64| {
+    let headroom = |residual: &ResidualVibration, now_s: f64| {
         residual.find_wait_and_force_fraction_within_travel_limits(&next.0, Some(&next.1), now_s, RailState::Driving)
     };
-    let found = room(&residual, 0.01);
+    let found = headroom(&residual, 0.01);
     assert!(found.goes_on && (found.wait_s - (LONGEST_WAIT_S - 0.01)).abs() < 1e-9, "{found:?}");
-    assert!(!room(&residual, LONGEST_WAIT_S).goes_on);
+    assert!(!headroom(&residual, LONGEST_WAIT_S).goes_on);
     // Its finger was lifted.
     residual.record_end_of_drives_with_id(2, 0.01);
-    assert!(room(&residual, 0.01).goes_on);
+    assert!(headroom(&residual, 0.01).goes_on);
     residual.record_end_of_drives_with_id(1, 0.01);
-    assert!(!room(&residual, 0.01).goes_on);
+    assert!(!headroom(&residual, 0.01).goes_on);
 }
 
 #[test]
@@ -326,18 +327,18 @@ proptest! {
         let (mut now_s, mut board) = (0.0, RailState::Down);
         for (id, (size, hz, hold_s, goes_on)) in (0..).zip(touches) {
             let whole = (motion(size, hz), drives(size, hz));
-            let room = residual.find_wait_and_force_fraction_within_travel_limits(&whole.0, Some(&whole.1), now_s, board);
-            prop_assert!((0.0..=LONGEST_WAIT_S).contains(&room.wait_s) && (0.0..=1.0).contains(&room.force_fraction), "{room:?}");
-            if room.goes_on {
-                now_s += room.wait_s;
-            } else if room.wait_s > 0.0 {
+            let headroom = residual.find_wait_and_force_fraction_within_travel_limits(&whole.0, Some(&whole.1), now_s, board);
+            prop_assert!((0.0..=LONGEST_WAIT_S).contains(&headroom.wait_s) && (0.0..=1.0).contains(&headroom.force_fraction), "{headroom:?}");
+            if headroom.goes_on {
+                now_s += headroom.wait_s;
+            } else if headroom.wait_s > 0.0 {
                 residual.record_end_of_current_drives(now_s, Ending::AtItsBoundary);
-                now_s += room.wait_s;
+                now_s += headroom.wait_s;
                 board = if board == RailState::Down { RailState::Down } else { RailState::Up };
             }
             let part = residual.max_force_fraction_that_fits_without_wait(&whole.0, Some(&whole.1), now_s, board);
-            // No less than was promised, and with so much of it there is room for all.
-            prop_assert!(room.goes_on || part >= room.force_fraction - 1e-9, "{part} {room:?}");
+            // No less than was promised, and with so much of it there is headroom for all.
+            prop_assert!(headroom.goes_on || part >= headroom.force_fraction - 1e-9, "{part} {headroom:?}");
             let (motion, drives) = (motion(part * size, hz), drives(part * size, hz));
             prop_assert!(part == 0.0 || residual.max_force_fraction_that_fits_without_wait(&motion, Some(&drives), now_s, board) >= 1.0 - 1e-9);
             residual.record_drives_that_begin_in_place_of_others(id, &motion, Some(&drives), board, now_s, now_s + hold_s);

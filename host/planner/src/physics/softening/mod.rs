@@ -260,7 +260,7 @@ impl<'a> ClosingGaps<'a> {
             }
             let (mut change, mut largest) = (0.0_f64, 0.0_f64);
             for (l, line) in self.lines.iter().enumerate() {
-                let step = self.solve_newton_force_step_on_line_n(l, line, &descriptions, motion)?;
+                let step = self.solve_newton_change_of_forces_on_line_if_stable_n(l, line, &descriptions, motion)?;
                 for (force, step) in motion.force_n[l].iter_mut().zip(&step) {
                     *force += step;
                     change = change.max(step.norm_sqr());
@@ -312,7 +312,7 @@ impl<'a> ClosingGaps<'a> {
 
     /// Newton's step of the forces on a line: with X = G F, (1 - D G) dF = D(X) - F, where D dX has a part in the conjugate
     /// of dX for the actuators whose own line it is. Lines are taken one by one: what couples them is small.
-    fn solve_newton_force_step_on_line_n(
+    fn solve_newton_change_of_forces_on_line_if_stable_n(
         &self,
         line_index: usize,
         line: &Line,

@@ -1,16 +1,16 @@
 //! Fingers that wait to be driven.
 
 use super::*;
-use crate::daemon::touch::request::Feel;
+use crate::daemon::touch::request::RequestedHaptics;
 use crate::planner::Target;
 
-fn make_touch_at(ids: &[i64], x_px: f64, feel: Feel) -> Touch {
+fn make_touch_at(ids: &[i64], x_px: f64, haptics: RequestedHaptics) -> Touch {
     let target = Target { x_m: 0.0, y_m: 0.0, intensity_g: None };
     let checked = |id: &i64| {
         let finger = Finger { id: *id, x_px, y_px: 0.0, intensity_g: None, effect: None };
         CheckedFinger { finger, target }
     };
-    Touch::from_fingers(&ids.iter().map(checked).collect::<Vec<_>>(), feel).unwrap()
+    Touch::from_fingers(&ids.iter().map(checked).collect::<Vec<_>>(), haptics).unwrap()
 }
 
 /// Fingers that came, of each step that waits; whether it is a tap; and where its first finger is.
@@ -26,7 +26,10 @@ fn a_finger_that_comes_again_is_another_one() {
     let fingers = PageFingers::default();
     let say = |ids: &[i64], x_px| {
         fingers
-            .queue_fingers_down_with_error_if_oldest_step_dropped(make_touch_at(ids, x_px, Feel::default()), 0)
+            .queue_fingers_down_with_error_if_oldest_step_dropped(
+                make_touch_at(ids, x_px, RequestedHaptics::default()),
+                0,
+            )
             .unwrap()
     };
     say(&[1], 0.0);
@@ -49,8 +52,10 @@ fn a_finger_that_comes_again_is_another_one() {
 fn of_too_many_taps_the_oldest_make_way() {
     let fingers = PageFingers::default();
     let tap = |x_px: f64| {
-        let result =
-            fingers.queue_fingers_down_with_error_if_oldest_step_dropped(make_touch_at(&[1], x_px, Feel::default()), 0);
+        let result = fingers.queue_fingers_down_with_error_if_oldest_step_dropped(
+            make_touch_at(&[1], x_px, RequestedHaptics::default()),
+            0,
+        );
         fingers.queue_fingers_down_with_error_if_oldest_step_dropped(Touch::without_fingers(), 0).unwrap();
         result.is_ok()
     };
@@ -73,9 +78,9 @@ fn take_effects(fingers: &PageFingers) -> Vec<(f64, bool, Vec<i64>)> {
 #[test]
 fn an_effect_begins_with_its_finger_and_again_after_a_message_without_it() {
     let fingers = PageFingers::default();
-    let click = Feel { effect: Some(NamedEffect::Click), ..Feel::default() };
-    let say = |ids: &[i64], x_px, feel| {
-        fingers.queue_fingers_down_with_error_if_oldest_step_dropped(make_touch_at(ids, x_px, feel), 0).unwrap()
+    let click = RequestedHaptics { effect: Some(NamedEffect::Click), ..RequestedHaptics::default() };
+    let say = |ids: &[i64], x_px, haptics| {
+        fingers.queue_fingers_down_with_error_if_oldest_step_dropped(make_touch_at(ids, x_px, haptics), 0).unwrap()
     };
     say(&[1], 0.0, click);
     assert_eq!(take_effects(&fingers), [(0.0, true, vec![1])]);
@@ -85,7 +90,7 @@ fn an_effect_begins_with_its_finger_and_again_after_a_message_without_it() {
     say(&[1, 2], 3.0, click);
     assert_eq!(take_effects(&fingers), [(3.0, true, vec![1, 2])], "another finger, at its newest place");
     // A slider: the moves between two detents do not take their place, and of two detents that wait the newer one is played.
-    let still = Feel { intensity_g: Some(0.0), ..Feel::default() };
+    let still = RequestedHaptics { intensity_g: Some(0.0), ..RequestedHaptics::default() };
     say(&[1], 4.0, still);
     say(&[1], 5.0, click);
     say(&[1], 6.0, still);
@@ -107,9 +112,9 @@ fn the_newest_finger_has_its_effect() {
     };
     let say = |down: &[CheckedFinger]| {
         let effect = fingers.choose_effect_of_newest_finger(down);
-        let feel = Feel { effect, ..Feel::default() };
+        let haptics = RequestedHaptics { effect, ..RequestedHaptics::default() };
         fingers
-            .queue_fingers_down_with_error_if_oldest_step_dropped(Touch::from_fingers(down, feel).unwrap(), 0)
+            .queue_fingers_down_with_error_if_oldest_step_dropped(Touch::from_fingers(down, haptics).unwrap(), 0)
             .unwrap();
         take_effects(&fingers).pop().map(|(_, starts, ids)| (effect, starts, ids)).unwrap()
     };
@@ -127,7 +132,10 @@ fn only_the_newest_tap_waits_where_a_page_asks_for_that() {
     let fingers = PageFingers::new(true);
     for x_px in [0.0, 1.0, 2.0] {
         fingers
-            .queue_fingers_down_with_error_if_oldest_step_dropped(make_touch_at(&[1], x_px, Feel::default()), 0)
+            .queue_fingers_down_with_error_if_oldest_step_dropped(
+                make_touch_at(&[1], x_px, RequestedHaptics::default()),
+                0,
+            )
             .unwrap();
         fingers.queue_fingers_down_with_error_if_oldest_step_dropped(Touch::without_fingers(), 0).unwrap();
     }
@@ -136,9 +144,9 @@ fn only_the_newest_tap_waits_where_a_page_asks_for_that() {
 
 /// A click of a control for finger 7 at this place.
 fn queue_control_click_of_finger_7(fingers: &PageFingers, x_px: f64, is_press: bool) {
-    let feel = Feel { effect: Some(NamedEffect::Click), ..Feel::default() };
+    let haptics = RequestedHaptics { effect: Some(NamedEffect::Click), ..RequestedHaptics::default() };
     fingers
-        .queue_control_click_with_error_if_oldest_step_dropped(make_touch_at(&[7], x_px, feel), vec![7], is_press, 0)
+        .queue_control_click_with_error_if_oldest_step_dropped(make_touch_at(&[7], x_px, haptics), vec![7], is_press, 0)
         .unwrap();
 }
 
@@ -152,18 +160,23 @@ fn of_clicks_of_controls_the_newest_waits_and_each_press() {
     queue_control_click_of_finger_7(&fingers, 6.0, true);
     assert_eq!(take_effects(&fingers).iter().map(|it| it.0).collect::<Vec<_>>(), [3.0, 6.0]);
     // That the other fingers move, have an effect of the same kind already, or are lifted, takes no click away.
-    for feel in [Feel::default(), Feel { effect: Some(NamedEffect::Click), ..Feel::default() }] {
+    for haptics in [
+        RequestedHaptics::default(),
+        RequestedHaptics { effect: Some(NamedEffect::Click), ..RequestedHaptics::default() },
+    ] {
         for only_newest_tap in [false, true] {
             let fingers = PageFingers::new(only_newest_tap);
             let say = |ids: &[i64], x_px| {
-                fingers.queue_fingers_down_with_error_if_oldest_step_dropped(make_touch_at(ids, x_px, feel), 0).unwrap()
+                fingers
+                    .queue_fingers_down_with_error_if_oldest_step_dropped(make_touch_at(ids, x_px, haptics), 0)
+                    .unwrap()
             };
             say(&[1], 0.0);
             take_steps(&fingers);
             queue_control_click_of_finger_7(&fingers, 1.0, false);
             say(&[1], 2.0);
             say(&[1], 3.0);
-            assert_eq!(take_steps(&fingers), [(vec![], false, 1.0), (vec![], false, 3.0)], "{feel:?}");
+            assert_eq!(take_steps(&fingers), [(vec![], false, 1.0), (vec![], false, 3.0)], "{haptics:?}");
             queue_control_click_of_finger_7(&fingers, 4.0, false);
             say(&[], 5.0);
             let steps: Vec<FingerStep> = fingers.lock_state().steps.drain(..).collect();
@@ -190,7 +203,10 @@ fn a_finger_that_comes_beside_a_click_of_a_control_is_felt() {
     let fingers = PageFingers::default();
     let say = |ids: &[i64], x_px| {
         fingers
-            .queue_fingers_down_with_error_if_oldest_step_dropped(make_touch_at(ids, x_px, Feel::default()), 0)
+            .queue_fingers_down_with_error_if_oldest_step_dropped(
+                make_touch_at(ids, x_px, RequestedHaptics::default()),
+                0,
+            )
             .unwrap()
     };
     say(&[1], 0.0);
@@ -210,7 +226,7 @@ fn a_finger_that_comes_beside_a_click_of_a_control_is_felt() {
 fn a_texture_makes_no_tap() {
     let fingers = PageFingers::default();
     let say = |ids: &[i64], x_px, on_textures: &[i64]| {
-        let touch = make_touch_at(ids, x_px, Feel::default());
+        let touch = make_touch_at(ids, x_px, RequestedHaptics::default());
         fingers.queue_fingers_and_textures_with_error_if_oldest_step_dropped(touch, on_textures, 0).unwrap();
     };
     say(&[1], 0.0, &[1]);

@@ -220,7 +220,7 @@ fn list_faults_before_arming() -> Vec<(&'static str, Value, FaultCode)> {
 
 /// One electrode of one ERA, counted from 1, is broken.
 pub fn make_electrode_fault_json(era: u32, electrode: &str, defect: &str) -> Value {
-    json!({"electrode": {"era": era, "electrode": electrode, "defect": defect}})
+    json!({"electrode": {"era": era, "electrode": electrode, "is": defect}})
 }
 
 /// From power-up to four channels driving.

@@ -325,8 +325,8 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "electrodes are let go of in their last period",
         "shared/src/waveform/sequencer.rs",
-        "!track.active.is_blank() || !track.preloaded_or_else_active_period().is_blank()",
-        "!track.active.is_blank() && !track.preloaded_or_else_active_period().is_blank()",
+        "!track.active.has_no_windows() || !track.preloaded_or_else_active_period().has_no_windows()",
+        "!track.active.has_no_windows() && !track.preloaded_or_else_active_period().has_no_windows()",
     ),
     new_mutation(
         "a trip does not clear the outputs of TIM4",
@@ -355,8 +355,8 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "charge by voltage instead of its fourth power",
         "shared/src/safety/charge.rs",
-        "        let force = multiply_q30_rounding_up(multiply_q30_rounding_up(voltage, voltage), sine);",
-        "        let force = multiply_q30_rounding_up(voltage, sine);",
+        "        let force = multiply_q30_rounding_up(multiply_q30_rounding_up(voltage, voltage), width_sine_q30);",
+        "        let force = multiply_q30_rounding_up(voltage, width_sine_q30);",
     ),
     new_mutation(
         "a rail that did not come up is believed to be discharged",

@@ -40,7 +40,7 @@ pub fn is_log_json() -> bool {
 
 /// Prints a text that is not part of the log, such as the progress of a command; takes the arguments of `println!`.
 macro_rules! tell {
-    ($($text:tt)*) => { $crate::cli::told::tell_text_in_log_format(&format!($($text)*)) };
+    ($($text:tt)*) => { $crate::cli::terminal_messages::tell_text_in_log_format(&format!($($text)*)) };
 }
 pub(super) use tell;
 
