@@ -153,7 +153,7 @@ impl Raised {
         Self { kind: RaisedKind::Request, text, field: Some(field), value, allowed: Some(allowed) }
     }
 
-    /// A `grid` of so many points that a result would have too many values; `other` is what else makes the result smaller.
+    /// A `grid` of so many points that a result would have too many values; `other_remedy` is what else makes the result smaller.
     pub fn grid_with_too_many_values(points: usize, values: &str, most: &str, other_remedy: &str) -> Self {
         let text = format!(
             "grid has {points} points, which makes {values} values, but the result may have at most {most} values: use \

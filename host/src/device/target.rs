@@ -124,7 +124,7 @@ pub struct OpenDevice {
 }
 
 impl OpenDevice {
-    /// Starts or finds the device. `make_panel` makes the simulated panel with its channels' voltage limits; it is only
+    /// Starts or finds the device. `make_panel_if_sim` makes the simulated panel with its channels' voltage limits; it is only
     /// called for [`Target::Sim`].
     ///
     /// # Errors

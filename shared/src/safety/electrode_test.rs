@@ -41,7 +41,7 @@ pub struct ElectrodePulses {
 /// Parts that count in millionths: all of it.
 const ONE_PPM: u64 = 1_000_000;
 
-/// By how much a rail falls over the counted pulses if each takes `share_ppm` of what is left, in millionths.
+/// By how much a rail falls over the counted pulses if each takes `share_per_pulse_ppm` of what is left, in millionths.
 const fn rail_fall_over_test_pulses_ppm(share_per_pulse_ppm: u64) -> u64 {
     let (mut left_ppm, mut pulse) = (ONE_PPM, 1);
     while pulse < TEST_PULSES {

@@ -4,7 +4,7 @@ use super::{RAILS, rail_index_of_channel};
 use crate::circuit::{ELECTRODE_PICOFARADS, both_bleeders_of_one_rail_microamps};
 
 /// Mean current in uA, rounded up, that drives take from rails of these voltages: both electrodes of a channel are charged once in every
-/// period, at most, and each rail has two bleeders. `drives` holds the channel and the frequency in 1e-9 Hz of each.
+/// period, at most, and each rail has two bleeders. `channels_with_nanohertz` holds the channel and the frequency in 1e-9 Hz of each.
 pub fn mean_current_of_drives_and_bleeders_microamps(
     rail_millivolts: [u32; RAILS],
     channels_with_nanohertz: impl Iterator<Item = (usize, u64)>,

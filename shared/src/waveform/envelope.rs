@@ -183,7 +183,7 @@ fn interpolate_level(from: i16, to: i16, elapsed: u64, duration: u64) -> i16 {
     i16::try_from(i64::from(from) + change).unwrap_or(to)
 }
 
-/// Ticks of the window whose force is that of a window of `full_width` ticks times `level` thousandths times `force_fraction` parts of
+/// Ticks of the window whose force is that of a window of `full_width` ticks times `level_permille` thousandths times `force_fraction_q16` parts of
 /// [`FULL_STRENGTH`]. The fundamental of the force goes with sin(pi w / 2), where w is the fraction of the half period that the window takes.
 ///
 /// The widest window that makes no more force is searched for in integers: with the same result on every processor, and within 10 us on

@@ -135,7 +135,7 @@ trait Machine {
     fn install_need_without_packages(&self, need: Need) -> Result<(), String>;
 }
 
-/// Gets what `command` needs.
+/// Gets what `needing_command` needs.
 ///
 /// # Errors
 /// [`Error::Missing`] with all that is missing and how to install it.

@@ -305,7 +305,7 @@ fn compute_modal_ratio_damping_without_actuators(
 }
 
 /// A # B = A^1/2 (A^-1/2 B A^-1/2)^1/2 A^1/2 for symmetric semidefinite A and B that are at most the identity and the diagonal
-/// `largest_diagonal`; zero where both are. What it is in each direction in which B x = lambda A x is multiplied by `weight(lambda)`.
+/// `upper_bound_diagonal_of_b`; zero where both are. What it is in each direction in which B x = lambda A x is multiplied by `weight(lambda)`.
 ///
 /// In the basis in which s A + B is the identity, A = diag(a) and B = 1 - s a commute, and A # B is diag(sqrt(a (1 - s a))), lambda = 1 / a - s. With
 /// s of the size of the slow modes, a is of the size of one for these and goes to zero for stiff ones: points held all but

@@ -33,7 +33,7 @@ impl PlateMedium {
     }
 
     /// What a force inside the plate does, 8 pi sqrt(D_11 D_22) times: r^2 log r where it is isotropic.
-    /// Written by the waves across `side`, as a clamped edge there needs it: those of another differ by polynomials, with which it would move.
+    /// Written by the waves across `side_that_waves_run_across`, as a clamped edge there needs it: those of another differ by polynomials, with which it would move.
     pub fn sources_of_inner_point_force(self, at: (f64, f64), side_that_waves_run_across: Side) -> Vec<SingularSource> {
         match self {
             Self::Isotropic(_) => vec![SingularSource::from_inner_point_force(at)],
@@ -52,7 +52,7 @@ impl PlateMedium {
         }
     }
 
-    /// What a free edge adds; the force is `distance` from it, in units of `scale` (m), and its mirror image at `image`.
+    /// What a free edge adds; the force is `distance_over_scale` from it, in units of `scale` (m), and its mirror image at `image`.
     pub fn image_sources_of_free_edge(
         self,
         side: Side,

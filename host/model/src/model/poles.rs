@@ -180,7 +180,7 @@ impl Pole {
     }
 }
 
-/// The poles that continue from the first `count` of the undamped modes, the first `modes` of a mass-normalised basis of the squared
+/// The poles that continue from the first `followed_mode_count` of the undamped modes, the first `mode_count` of a mass-normalised basis of the squared
 /// frequencies `lambda` in rad^2/s^2; those are ascending, and what follows them are shapes of loads. `None` if an eigenproblem has no solution.
 #[must_use]
 pub fn compute_poles_of_first_modes_if_solvable(

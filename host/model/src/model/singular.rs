@@ -126,7 +126,7 @@ impl FunctionReach {
 /// back, with z = n + d + j t, beta = (1 - nu) / (3 + nu) and alpha = (5 + 2 nu + nu^2) / ((1 - nu) (3 + nu)):
 /// -alpha Re(z^2 log z) + 2 beta (n + d) Re(z log z) - 4 beta d n log |z|.
 ///
-/// `distance` is d over the functions' scale.
+/// `distance_over_scale` is d over the functions' scale.
 #[must_use]
 pub fn image_source_of_free_edge(
     side: Side,
@@ -156,7 +156,7 @@ pub fn image_source_of_free_edge(
 /// What a clamped edge adds to r^2 log r, so that the half-plane's edge neither moves nor turns (Boggio 1905):
 /// -r^2 log |z| + 2 d n, r the distance from the force and z = n + d + j t that from its image.
 ///
-/// `distance` is d over the functions' scale.
+/// `distance_over_scale` is d over the functions' scale.
 #[must_use]
 pub fn image_source_of_clamped_edge(side: Side, image: (f64, f64), distance_over_scale: f64) -> SingularSource {
     // r^2 = |z|^2 - 4 d (n + d) + 4 d^2, and n log |z| as in `image_source_of_free_edge`.

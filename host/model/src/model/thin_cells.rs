@@ -92,7 +92,7 @@ impl ThinCells {
         self.relative.iter().copied()
     }
 
-    /// Adds the cells' bending, over the new unknowns. `numbers` are those of a cell's functions.
+    /// Adds the cells' bending, over the new unknowns. `unknown_indices_of_cell` are those of a cell's functions.
     pub(super) fn add_bending_stiffness_of_thin_cells(
         &self,
         stiffness: &mut MatrixEntries,

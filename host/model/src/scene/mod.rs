@@ -239,7 +239,7 @@ pub struct Mass {
 }
 
 impl Scene {
-    /// Reads a scene from text; `source` is what messages call it.
+    /// Reads a scene from text; `source_name` is what messages call it.
     ///
     /// # Errors
     /// [`SceneError`] with every mistake found.

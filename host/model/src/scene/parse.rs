@@ -49,7 +49,7 @@ const LEAST_STOP_UM: f64 = 0.1;
 /// Most pixels along a side.
 const MAX_PIXELS: u32 = 100_000;
 
-/// Parses a scene file's text; `source` is what messages call it.
+/// Parses a scene file's text; `source_name` is what messages call it.
 pub(super) fn parse_scene_text(source_name: &str, text: &str) -> Result<Scene, SceneError> {
     let document = read::parse_toml_document(source_name, text)?;
     let report = MistakeReport::new(text);

@@ -154,7 +154,7 @@ fn write_random_edges(random: &mut RandomSequence, text: &mut String, is_bar: bo
 }
 
 /// Springs that an ERA of this weight resonates on at 50 to 250 Hz. At the highest voltage the electrodes take at most the part
-/// `softened_by` of the stiffness.
+/// `largest_softening_fraction` of the stiffness.
 fn write_random_actuator(
     random: &mut RandomSequence,
     text: &mut String,

@@ -66,7 +66,7 @@ impl fmt::Display for SceneError {
 
 impl std::error::Error for SceneError {}
 
-/// A file's text as a table whose values know where they stand; `source` is what messages call the file.
+/// A file's text as a table whose values know where they stand; `source_name` is what messages call the file.
 ///
 /// # Errors
 /// [`SceneError`] with the first line that is not valid TOML.

@@ -133,7 +133,7 @@ impl Assignment {
     }
 
     /// The best sum of all actuators with one of them at a given frequency. `table_in_descending_order` is the table over the same
-    /// frequencies in descending order; `frequencies_below` frequencies lie at least the spacing below that one, `frequencies_above` at least
+    /// frequencies in descending order; `count_at_least_spacing_below` frequencies lie at least the spacing below that one, `count_at_least_spacing_above` at least
     /// the spacing above it.
     #[must_use]
     pub fn best_spaced_sum_with_actuator_at_frequency(

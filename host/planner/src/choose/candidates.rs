@@ -211,7 +211,7 @@ impl<'a> Formulation<'a> {
             return self.list_candidates_at_all_table_frequencies(&[wanted]);
         };
         let lagrangian_terms = |known: &Allocation, efficiencies: &[f64]| {
-            // No better one unless its sum of lagrangian_terms at this lambda is more than lambda a - cost.
+            // No better one unless its sum of Lagrangian terms at this lambda is more than lambda a - cost.
             let lambda = known.duals.gain.first().copied().unwrap_or(0.0);
             (
                 rough.bound_lagrangian_term_of_each_candidate(&squares, efficiencies, lambda),

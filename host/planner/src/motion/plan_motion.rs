@@ -222,8 +222,8 @@ pub fn build_motion_of_effect_with_known_travel_if_poles_known(
     Some(PlanMotion { limit_m: travel_limit_of_each_actuator_m(table), steady_m, at_once_m, soft_m, growth, lines })
 }
 
-/// How far a burst of single windows takes the masses, which is known (`travel_m`), and what it leaves; `None` without poles. `windows` has the
-/// channel and the voltage in V of each, `pole_amplitudes` the largest amplitude of each pole while they are on, and that after them.
+/// How far a burst of single windows takes the masses, which is known (`travel_m`), and what it leaves; `None` without poles. `channel_and_voltage_of_windows` has the
+/// channel and the voltage in V of each, `pole_amplitudes_during_and_after` the largest amplitude of each pole while they are on, and that after them.
 #[must_use]
 pub fn build_motion_of_voltage_windows_with_known_travel_if_poles_known(
     table: &PlanTable,

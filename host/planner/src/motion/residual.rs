@@ -242,7 +242,7 @@ impl ResidualVibration {
         }
     }
 
-    /// The headroom for `steady_drives`, whose motion is `motion`, from `now_s` on in place of the present drives. `None` is
+    /// The headroom for `new_drives_unless_effect`, whose motion is `motion`, from `now_s` on in place of the present drives. `None` is
     /// an effect, which is no steady drive. If all forces fit, the headroom is 1. Otherwise the drives begin weaker,
     /// and after a wait if that makes them much stronger.
     #[must_use]
@@ -282,7 +282,7 @@ impl ResidualVibration {
         StartHeadroom { wait_s: high, force_fraction: largest_fraction, goes_on: false }
     }
 
-    /// The fraction of the forces of `steady_drives` that fits at `now_s` without a wait.
+    /// The fraction of the forces of `new_drives_unless_effect` that fits at `now_s` without a wait.
     #[must_use]
     pub fn max_force_fraction_that_fits_without_wait(
         &self,
@@ -482,7 +482,7 @@ impl ResidualVibration {
         })
     }
 
-    /// Whether `steady_drives` are what is driven.
+    /// Whether `new_drives_unless_effect` are what is driven.
     fn are_drives_same_as_ongoing_ones_begun_recently(
         &self,
         new_drives_unless_effect: Option<&[Drive]>,

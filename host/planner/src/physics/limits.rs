@@ -20,7 +20,7 @@ pub fn max_mean_supply_current_a() -> f64 {
 }
 
 /// Mean current in A that drives take from the supply: each electrode is charged once a period, and the rails have bleeders.
-/// `drives` holds the channel, the rail's voltage in V and the frequency in Hz of each.
+/// `channels_rail_volts_and_hz` holds the channel, the rail's voltage in V and the frequency in Hz of each.
 #[must_use]
 pub fn mean_supply_current_with_bleeders_a(
     electrodes: &[Electrodes],

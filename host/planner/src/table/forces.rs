@@ -237,7 +237,7 @@ fn find_max_softened_force_n_and_limit(
     force_n_and_limit
 }
 
-/// Of the pulse widths `quieter` the one whose harmonics move the panel least, and the widest one that the board's
+/// Of the pulse widths `candidate_pulse_widths` the one whose harmonics move the panel least, and the widest one that the board's
 /// guard time allows.
 pub(super) fn choose_quietest_and_widest_pulse(
     frequency_hz: f64,

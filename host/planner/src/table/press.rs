@@ -60,7 +60,7 @@ pub struct PressEffect {
     pub stiffness_n_per_m: Option<f64>,
 }
 
-/// Mean pull of electrodes in turn on a mass that is off its middle by the fraction `gap_fraction` of its gap, relative to the
+/// Mean pull of electrodes in turn on a mass that is off its middle by the fraction `offset_over_gap` of its gap, relative to the
 /// force of a spring with the stiffness that the electrodes take off at rest.
 fn mean_pull_over_softening_times_gap_at_offset(offset_over_gap: f64) -> f64 {
     offset_over_gap / (1.0 - offset_over_gap * offset_over_gap).powi(2)

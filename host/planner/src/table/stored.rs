@@ -3,7 +3,7 @@
 //! Whoever can write to the file can write anything into it, with a right hash. So nothing is kept that a drive's limits follow from, nor what a drive does: the
 //! panel's model and every actuator's motion, force, voltage and travel at every frequency are computed from the scene at every start. Kept are the coarser models and their responses,
 //! which tell how wrong a plan may be, and the figures that take a look at every point of the surface: they say which frequencies the planner
-//! looks at, and how large errors may be, and take most of the time. Beyond sizes and finite numbers, samples of every part are computed recomputed and compared.
+//! looks at, and how large errors may be, and take most of the time. Beyond sizes and finite numbers, samples of every part are computed again and compared.
 
 use super::build::{
     acceleration_coordinates_per_newton_of_each_actuator_by_frequency,
@@ -22,7 +22,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Relative difference of a number computed recomputed from the one kept. They are the same on the same machine; another's vector
+/// Relative difference of a number that is computed again from the one kept. They are the same on the same machine; another's vector
 /// instructions round differently, and near resonance a response has a hundred times what its parts have.
 const SAME_NUMBER: f64 = 1e-9;
 /// The same of figures over the surface, which are summed in single precision.

@@ -23,7 +23,7 @@ impl RefusedPages {
         known.len() < TOLD && origin.len() <= LONGEST && known.insert(origin.to_owned())
     }
 
-    /// Tells of a page that was refused; `option_value` is its origin as `--allow-origin` takes it, or what that wants.
+    /// Tells of a page that was refused; `allow_origin_value_or_fault` is its origin as `--allow-origin` takes it, or what that wants.
     pub fn warn_once_of_refused_origin(&self, origin: &str, allow_origin_value_or_fault: &Result<String, String>) {
         if self.add_origin_if_new_and_within_limit(origin) {
             tracing::warn!(

@@ -239,7 +239,7 @@ impl DriveTask {
         self.activity = BoardActivity::Settling { request, since: now, until: begin + Duration::from_secs_f64(wait_s) };
     }
 
-    /// Has the board drive a touch that has waited `since` then, with as much of its forces as there is room for.
+    /// Has the board drive a touch that has waited `waiting_since` then, with as much of its forces as there is room for.
     fn send_touch_to_board(
         &mut self,
         equipment: &Arc<DriveEquipment>,

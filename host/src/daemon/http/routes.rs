@@ -73,7 +73,7 @@ pub fn openapi_description_json() -> &'static str {
 #[openapi(components(schemas(live::PageMessage, LiveMessage, Problem)))]
 struct CommonSchemas;
 
-/// All routes with what they declare: there is no other way to add one. A body has `time` to come.
+/// All routes with what they declare: there is no other way to add one. A body has `body_time_limit` to come.
 fn declare_routes(body_time_limit: Duration) -> OpenApiRouter<Arc<App>> {
     let mut router = OpenApiRouter::with_openapi(CommonSchemas::openapi())
         .routes(routes!(post_touch))

@@ -168,7 +168,7 @@ fn what_goes_on_as_it_is_or_nearly_keeps_its_strength() {
     // The same, a little weaker: of what is left only the difference counts.
     let weaker = drives(0.98, 100.0);
     assert_eq!(part(&motion(0.93, 100.0), Some(&weaker), RailState::Driving), 1.0);
-    // As an effect, or when the board has ended it, it begins fraction_after_restart, beside 0.95 of what is left.
+    // As an effect, or when the board has ended it, it begins again, beside 0.95 of what is left.
     let fraction_after_restart = (1.0 + LIMIT_TOLERANCE - 0.95) / (2.0 * 0.95);
     for found in
         [part(&motion(0.95, 100.0), None, RailState::Driving), part(&motion(0.95, 100.0), Some(&first), RailState::Up)]

@@ -219,8 +219,8 @@ impl DeclaredControl {
         Ok(Rectangle { x: self.x_px, y: self.y_px, width, height })
     }
 
-    /// That a finger on the screen can be on it: from its place, it reaches so far back to the screen's left and top edge (`before_px`), and may begin
-    /// so far behind the others (`behind_px`).
+    /// That a finger on the screen can be on it: from its place, it reaches so far back to the screen's left and top edge (`max_px_left_of_and_above_screen`), and may begin
+    /// so far behind the others (`max_px_right_of_and_below_screen`).
     fn require_overlap_with_screen(
         &self,
         screen: &Screen,
