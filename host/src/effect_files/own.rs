@@ -153,7 +153,7 @@ fn read_error_from_serde(path: &serde_path_to_error::Path, message: &str) -> Rea
     };
     if let Some((name, nearest)) = parse_unknown_field_and_find_nearest(message) {
         let known = message.split('`').skip(3).step_by(2).collect::<Vec<_>>().join(", ");
-        let of_what = if path == "." { "of an effect file" } else { "here" };
+        let of_what = if inside(name) == name { "of an effect file" } else { "here" };
         let hint = if nearest.is_none() { format!("; the known fields {of_what} are {known}") } else { String::new() };
         return ReadError::UnreadField(format!("{} {}{hint}", inside(name), describe_unknown_field(nearest)));
     }
@@ -469,6 +469,11 @@ mod tests {
             (event("[[events]]"), "events[1].primitive is missing, but must be given if `events` is missing"),
             (event("loudness = 1"), "events[0].loudness is not a known field; the known fields here are "),
             (event("sharpnes = 1"), "events[0].sharpnes is not a known field; did you mean sharpness?"),
+            // A scene, given as an effect.
+            (
+                "[[actuator]]".to_owned(),
+                "actuator is not a known field; the known fields of an effect file are version",
+            ),
             ("version = 1\nevnts = []".to_owned(), "evnts is not a known field; did you mean events?"),
             (event("intensity = \"much\""), "events[0].intensity is string \"much\", but must be a number"),
             (event("intensity = "), "the file is not a valid TOML file"),
