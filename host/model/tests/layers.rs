@@ -208,7 +208,7 @@ fn mistakes_are_named() {
         (birch("").replace("0.43", "4.4"), &["layer[1].material.poisson_ratio is 4.4", "between -4.34", "and 4.34"]),
         (
             birch("").replace("g_pa = ", "gpa = "),
-            &["layer[1].material.g_pa is missing", "unknown key layer[1].material.gpa"],
+            &["layer[1].material.g_pa is missing", "unknown key `layer[1].material.gpa`"],
         ),
         (both, &["layer[1].material.youngs_modulus_pa", "ex_pa"]),
         (two.clone() + patch, &["patch[1]", "is not allowed on a surface with [[layer]] tables"]),

@@ -265,7 +265,7 @@ fn read_key_value_and_message_text_unless_version(
             Some(meant) => format!("did you mean {meant}?"),
             None => format!("known keys: version, {}", known.join(", ")),
         };
-        return Err(format!("unknown key {name}; {hint}"));
+        return Err(format!("unknown key `{name}`; {hint}"));
     };
     match (key.take)(&mut Serve::default(), &given, base) {
         Some(()) => Ok(Some((key, given, told))),
@@ -408,9 +408,9 @@ mod tests {
             ("", "era.toml: version is missing: add the line `version = 1`"),
             ("version = 2", "era.toml:1: version is 2, but must be 1"),
             ("version = \"1\"", "era.toml:1: version is \"1\", but must be 1"),
-            ("version = 1\nvolts = 1", "era.toml:2: unknown key volts; known keys: version, scene"),
-            ("version = 1\nsceen = 1", "era.toml:2: unknown key sceen; did you mean scene?"),
-            ("version = 1\nno-cache = true", "era.toml:2: unknown key no-cache; did you mean no_cache?"),
+            ("version = 1\nvolts = 1", "era.toml:2: unknown key `volts`; known keys: version, scene"),
+            ("version = 1\nsceen = 1", "era.toml:2: unknown key `sceen`; did you mean scene?"),
+            ("version = 1\nno-cache = true", "era.toml:2: unknown key `no-cache`; did you mean no_cache?"),
             ("version = 1\nscene = 7", "era.toml:2: scene is 7, but must be the path of a scene file"),
             (
                 "version = 1\n\nlisten = \"7878\"",

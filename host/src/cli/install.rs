@@ -242,7 +242,7 @@ fn warn_what_keeps_service_from_working(options: &Install, config: &Path, wanted
             Err(error) => tell!("the service will not start with this configuration:\n{error}"),
             Ok(file) => {
                 if let Some(note) = file.note_if_device_is_simulated() {
-                    tell!("with the configuration file {}, the service {note}", there.display());
+                    tell!("with the configuration file \"{}\", the service {note}", there.display());
                 }
             }
         }
@@ -257,7 +257,7 @@ fn warn_what_keeps_service_from_working(options: &Install, config: &Path, wanted
         }
         if let Some(path) = serve.record.as_ref().filter(|path| !Recorder::is_folder_path(path)) {
             tell!(
-                "`record` is the file {}, but a recording never replaces a file: the service would not start a \
+                "`record` is the file \"{}\", but a recording never replaces a file: the service would not start a \
                  second time. Name a folder (with a slash at its end): each start then makes a new file in this folder",
                 path.display()
             );

@@ -103,13 +103,15 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
     );
     if let Some(file) = &options.token_file {
         tracing::info!(
-            "in a browser, add #token=TOKEN to the address, where TOKEN is a secret of the file {}",
+            "in a browser, add #token=TOKEN to the address, where TOKEN is a secret of the file \"{}\"",
             file.display()
         );
     }
     if target == Target::Sim && options.device.is_none() {
         match &options.config {
-            Some(path) => tracing::warn!("with the configuration file {}, the daemon {}", path.display(), SIMULATED),
+            Some(path) => {
+                tracing::warn!("with the configuration file \"{}\", the daemon {}", path.display(), SIMULATED)
+            }
             None => tracing::info!("this daemon drives the simulated device: use --device auto to drive a board"),
         }
     }
@@ -309,7 +311,7 @@ fn find_record_path_mistake(path: &Path) -> Option<String> {
         ));
     }
     let lacking = folder.filter(|folder| !folder.is_dir())?;
-    Some(format!("`record` is {shown}, but the folder {} does not exist. {NEW_RECORD}", lacking.display()))
+    Some(format!("`record` is {shown}, but the folder \"{}\" does not exist. {NEW_RECORD}", lacking.display()))
 }
 
 /// Where to listen: the ports that there are, with TLS where that is wanted, and the socket in the file system.

@@ -11,7 +11,7 @@ use std::path::Path;
 /// A file without a token, or text that is no token; what it says is not told.
 pub fn read_token_from_file_or_else_environment(file: Option<&Path>) -> Result<Option<String>, Failure> {
     let Some(path) = file else { return read_token_from_environment() };
-    let wrong = |what: String| Failure::Usage(format!("token file {}: {what}", path.display()));
+    let wrong = |what: String| Failure::Usage(format!("token file \"{}\": {what}", path.display()));
     let text = private_file::read(path).map_err(wrong)?;
     let token = parse_last_word_as_token(&text).map_err(wrong)?;
     token

@@ -47,7 +47,7 @@ fn find_direct_and_daemon_board_reports(facts: &Facts) -> (Option<&BoardReport>,
 fn judge_read_file(check: &'static str, file: &File) -> Finding {
     match &file.mistake {
         None => Finding::ok(check, format!("{} can be used", file.path)),
-        Some(mistake) => Finding::problem(check, mistake.clone(), format!("correct the file {}", file.path)),
+        Some(mistake) => Finding::problem(check, mistake.clone(), format!("correct the file \"{}\"", file.path)),
     }
 }
 

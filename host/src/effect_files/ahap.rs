@@ -36,7 +36,7 @@ pub fn read_ahap_text(text: &str) -> Result<EventList, ReadError> {
     let whole = parse_lenient_json(text, FileFormat::Ahap)?;
     let mut list = EventList::new(FileFormat::Ahap, text_at(&whole["Metadata"], "Project").map(str::to_owned));
     let Some(pattern) = whole["Pattern"].as_array() else {
-        let detail = "the key Pattern is missing, or is not a list".into();
+        let detail = "the key `Pattern` is missing, or is not a list".into();
         return Err(ReadError::Syntax { format: FileFormat::Ahap, detail });
     };
     if let Some(version) = number_at(&whole, "Version").filter(|version| *version > 1.0) {
@@ -305,8 +305,8 @@ mod tests {
     fn what_is_missing_or_wrong_is_said_and_nothing_panics() {
         for (text, message) in [
             ("{", "the file is not a valid AHAP file"),
-            ("[]", "the key Pattern is missing"),
-            (r#"{"Pattern": 3}"#, "the key Pattern is missing, or is not a list"),
+            ("[]", "the key `Pattern` is missing"),
+            (r#"{"Pattern": 3}"#, "the key `Pattern` is missing, or is not a list"),
             (
                 r#"{"Pattern": [1, {"Event": 2}, {"Event": {"EventType": "HapticContinuous"}}, {"Parameter": null}]}"#,
                 "needs EventDuration",

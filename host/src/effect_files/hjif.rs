@@ -24,11 +24,11 @@ pub fn read_hjif_text(text: &str) -> Result<EventList, ReadError> {
     let mut list = EventList::new(FileFormat::Hjif, text_at(&whole, "description").map(str::to_owned));
     for key in ["version", "profile", "level", "date"] {
         if whole.get(key).is_none() {
-            list.warn(format!("the key {key} is missing, but the standard requires this key"));
+            list.warn(format!("the key `{key}` is missing, but the standard requires this key"));
         }
     }
     let Some(perceptions) = whole["perceptions"].as_array() else {
-        let detail = "the key perceptions is missing, or is not a list".into();
+        let detail = "the key `perceptions` is missing, or is not a list".into();
         return Err(ReadError::Syntax { format: FileFormat::Hjif, detail });
     };
     let ticks_per_s = number_at(&whole, "timescale").unwrap_or(DEFAULT_TICKS_PER_S);
@@ -62,7 +62,7 @@ pub fn read_hjif_text(text: &str) -> Result<EventList, ReadError> {
 /// The entries of a list that has to be there.
 fn list_entries(list: &mut EventList, value: &Value, key: &str, name: &str) -> Vec<Value> {
     value[key].as_array().cloned().unwrap_or_else(|| {
-        list.warn(format!("{name} is left out: its key {key} is missing, or is not a list"));
+        list.warn(format!("{name} is left out: its key `{key}` is missing, or is not a list"));
         Vec::new()
     })
 }
@@ -171,7 +171,7 @@ mod tests {
         }
         let said = list.warnings.join("\n");
         for part in [
-            "the effect library has no effect 8",
+            "the effect library has no effect `8`",
             "bands[2] is left out: its effects are wavelets",
             "perceptions[1] is left out: its modality is Temperature",
         ] {
@@ -187,7 +187,10 @@ mod tests {
         let list = read_hjif_text(&text).unwrap();
         assert!(list.warnings.join("\n").contains("nested more than 8 levels deep"), "{:?}", list.warnings);
         assert!(
-            read_hjif_text("{\"perceptions\": 1}").unwrap_err().to_string().contains("the key perceptions is missing")
+            read_hjif_text("{\"perceptions\": 1}")
+                .unwrap_err()
+                .to_string()
+                .contains("the key `perceptions` is missing")
         );
         let error = read_hjif_text("{\"perceptions\": [], \"timescale\": 0}").unwrap_err().to_string();
         assert_eq!(error, "timescale is 0, but must be 1 to 1e9");

@@ -178,7 +178,7 @@ impl Scope<'_> {
                 match self.perception.library.iter().find(|own| own.id == effect.id) {
                     // The library's own position does not count.
                     Some(own) => self.add_effect(list, own, position, name, depth + 1),
-                    None => list.warn(format!("{name} is left out: the effect library has no effect {}", effect.id)),
+                    None => list.warn(format!("{name} is left out: the effect library has no effect `{}`", effect.id)),
                 }
             }
             EffectKind::Composite => {

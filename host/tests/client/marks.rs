@@ -57,7 +57,7 @@ fn files_with_a_mark_are_read() {
     let file = folder.path().join("wrong.toml");
     std::fs::write(&file, as_windows_text("version = 1\nsceen = \"x\"\n")).unwrap();
     let said = run_era(&["config", "check", file.to_str().unwrap()]);
-    assert!(said.error.contains("wrong.toml:2: unknown key sceen"), "{}", said.error);
+    assert!(said.error.contains("wrong.toml:2: unknown key `sceen`"), "{}", said.error);
 }
 
 /// A study and the scene that it names.

@@ -44,7 +44,7 @@ fn each_mistake_names_key_value_range_and_line() {
     // What is changed, to what, and what a person must be told.
     let cases: &[(&str, &str, &[&str])] = &[
         ("length_mm = 300.0", "length_mm = -300.0", &["surface.length_mm", "-300", "1 to 10000"]),
-        ("length_mm = 300.0", "lenght_mm = 300.0", &["unknown key surface.lenght_mm", "did you mean length_mm?"]),
+        ("length_mm = 300.0", "lenght_mm = 300.0", &["unknown key `surface.lenght_mm`", "did you mean length_mm?"]),
         ("thickness_mm = 2.0", "thickness_mm = \"two\"", &["surface.thickness_mm", "\"two\"", "a number"]),
         (
             "poisson_ratio = 0.33",
@@ -85,7 +85,7 @@ fn each_mistake_names_key_value_range_and_line() {
             "version = 1\nfinger = { stiffness_n_per_m = 2e6 }",
             &["finger.stiffness_n_per_m", "2000000", "0 to 1000000"],
         ),
-        ("version = 1", "version = 1\nfinger = { mas_g = 1 }", &["unknown key finger.mas_g", "did you mean mass_g?"]),
+        ("version = 1", "version = 1\nfinger = { mas_g = 1 }", &["unknown key `finger.mas_g`", "did you mean mass_g?"]),
         ("version = 1", "version = 1\nair = { sealed_depth_mm = 0 }", &["air.sealed_depth_mm", "0", "0.01 to 10000"]),
         (
             "version = 1",
@@ -93,7 +93,7 @@ fn each_mistake_names_key_value_range_and_line() {
             &["air.added_mass_kg_per_m2", "-0.1", "0 to 1000"],
         ),
         ("version = 1", "version = 2", &["version is 2, but must be 1"]),
-        ("[[support]]", "[[suport]]", &["unknown key suport", "did you mean support?"]),
+        ("[[support]]", "[[suport]]", &["unknown key `suport`", "did you mean support?"]),
     ];
     for (from, to, wanted) in cases {
         let said = mistake(from, to);

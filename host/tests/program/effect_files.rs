@@ -103,7 +103,7 @@ fn the_command_line_reads_prints_and_exports() {
 
     for (arguments, message) in [
         (&["--file", "none.toml"][..], "cannot read none.toml"),
-        (&["--file", "two.ahap", "--format", "hjif"], "the key perceptions is missing"),
+        (&["--file", "two.ahap", "--format", "hjif"], "the key `perceptions` is missing"),
         (&["--file", "two.ahap", "--export", "two.txt"], "the name must end in .csv, .wav or .png"),
         (&["--file", "two.ahap", "click"], "cannot be used with"),
         (&["--export", "two.csv", "click"], "--file"),

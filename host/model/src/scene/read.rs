@@ -333,6 +333,10 @@ impl<'r, 't> TomlSection<'r, 't> {
         };
         match parse_number_value(value) {
             Some(number) if number >= 1.0 && number <= f64::from(max) && number.fract() == 0.0 => number as u32,
+            Some(number) if number.fract() == 0.0 => {
+                self.report_wrong_value(key, format_number(number), &format!("1 to {max}"));
+                1
+            }
             _ => {
                 self.report_wrong_type(key, value, &format!("a whole number from 1 to {max}"));
                 1
@@ -505,7 +509,7 @@ impl<'r, 't> TomlSection<'r, 't> {
                 None => format!("allowed keys: {}", known.join(", ")),
             };
             self.report
-                .add_mistake_at(&key.span(), format!("unknown key {}; {hint}", self.key_with_path(key.get_ref())));
+                .add_mistake_at(&key.span(), format!("unknown key `{}`; {hint}", self.key_with_path(key.get_ref())));
         }
     }
 }

@@ -43,7 +43,7 @@ pub enum FolderError {
     },
     /// It has the results of something else.
     #[error(
-        "the folder {} has results of another study, or of another version of the study, the scene or this program: \
+        "the folder \"{}\" has results of another study, or of another version of the study, the scene or this program: \
          name another folder, or delete this folder",
         path.display()
     )]
@@ -72,7 +72,7 @@ impl StudyFolder {
         match fs::read(&known).map(|bytes| String::from_utf8_lossy(&bytes).into_owned()) {
             Ok(text) if text.trim() == own => Ok(folder),
             Ok(text) if !is_complete_hex_key(&text) && folder.is_without_rows_of_other_studies()? => {
-                tracing::warn!("the file {} is incomplete, so the program writes the file again", known.display());
+                tracing::warn!("the file \"{}\" is incomplete, so the program writes the file again", known.display());
                 folder.write_key_file()
             }
             Ok(_) => Err(FolderError::Other { path: folder.path }),
@@ -118,7 +118,7 @@ impl StudyFolder {
         let rows = decode_task_rows_if_of_study_and_task(&self.key, task, &bytes);
         if rows.is_none() {
             tracing::warn!(
-                "the file {} is incomplete or damaged, so the program computes the designs of this file again",
+                "the file \"{}\" is incomplete or damaged, so the program computes the designs of this file again",
                 path.display()
             );
         }

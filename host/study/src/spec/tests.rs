@@ -22,7 +22,7 @@ fn every_mistake_is_told_with_key_value_allowed_and_line() {
                 [method]\nway = \"evolution\"\ndesigns = 10\npopulation = 8\nruns = 4\n";
     let expected = [
         (1, "version is 2, but must be 1"),
-        (4, "unknown key speed"),
+        (4, "unknown key `speed`"),
         (6, "\"support[0].x_mm\" is not a path to a key or table of a scene"),
         (7, "variable[1].from is 3, but must be no larger than `to`, which is 1"),
         (11, "variable[2].within_mm is [0, 0, 1], but must be a list of 4 numbers"),

@@ -42,7 +42,7 @@ fn mistakes_are_told_with_their_lines_by_check_and_by_serve() {
         let told = &output.error;
         assert_eq!(output.code, Some(2), "{told}");
         assert!(told.contains(&format!("{name}:2: listen is \"nowhere\", but must be a text with a host")), "{told}");
-        assert!(told.contains(&format!("{name}:3: unknown key sceen")), "{told}");
+        assert!(told.contains(&format!("{name}:3: unknown key `sceen`")), "{told}");
     }
     let json = run_era(&["config", "check", name, "--json"]).parse_json();
     assert_eq!(json["mistakes"][1]["line"], 3);

@@ -155,7 +155,7 @@ impl RecordingFiles {
         while self.all.len() > 1 && self.all.iter().rev().skip(1).map(|(_, bytes)| bytes).sum::<u64>() > most {
             let Some((path, _)) = self.all.pop_front() else { return };
             if let Err(error) = std::fs::remove_file(&path) {
-                tracing::warn!(%error, "cannot remove the old recording {}", path.display());
+                tracing::warn!(%error, "cannot remove the old recording \"{}\"", path.display());
             }
         }
     }
