@@ -3,7 +3,7 @@
 use super::args::{DaemonOptions, Touch};
 use super::token::read_token_from_file_or_else_environment;
 use super::wishes::{AdditionalTarget, QuietZoneOption};
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::certificate;
 use crate::connection::{DaemonRoute, HostPort, client_config, describe_redirect};
 use crate::daemon::{OtherTarget, QuietZone, TouchRequest};
@@ -17,7 +17,7 @@ use std::time::Duration;
 /// An emulated board may take some seconds to answer.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-pub fn send_touch_to_daemon_and_print_answer(options: &Touch) -> Outcome {
+pub fn send_touch_to_daemon_and_print_answer(options: &Touch) -> CommandResult {
     let answer =
         request_body_failing_on_error_status(&options.daemon, "POST", "/v1/touch", Some(make_touch_body(options)))?;
     if options.daemon.json {
@@ -165,27 +165,27 @@ fn write_drives(text: &mut String, drives: &Value) {
     }
 }
 
-pub fn send_stop_to_daemon_and_print_state(options: &DaemonOptions) -> Outcome {
+pub fn send_stop_to_daemon_and_print_state(options: &DaemonOptions) -> CommandResult {
     let answer = request_body_failing_on_error_status(options, "POST", "/v1/stop", None)?;
     print_state(options, &answer)
 }
 
-pub fn clear_faults_through_daemon_and_print_state(options: &DaemonOptions) -> Outcome {
+pub fn clear_faults_through_daemon_and_print_state(options: &DaemonOptions) -> CommandResult {
     let answer = request_body_failing_on_error_status(options, "POST", "/v1/faults/clear", None)?;
     print_state(options, &answer)
 }
 
-pub fn arm_device_through_daemon_and_print_state(options: &DaemonOptions) -> Outcome {
+pub fn arm_device_through_daemon_and_print_state(options: &DaemonOptions) -> CommandResult {
     let answer = request_body_failing_on_error_status(options, "POST", "/v1/arm", None)?;
     print_state(options, &answer)
 }
 
-pub fn show_device_state(options: &DaemonOptions) -> Outcome {
+pub fn show_device_state(options: &DaemonOptions) -> CommandResult {
     let answer = request_body_failing_on_error_status(options, "GET", "/v1/state", None)?;
     print_state(options, &answer)
 }
 
-fn print_state(options: &DaemonOptions, answer: &Value) -> Outcome {
+fn print_state(options: &DaemonOptions, answer: &Value) -> CommandResult {
     if options.json {
         return print_json(answer);
     }

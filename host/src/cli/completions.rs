@@ -1,7 +1,7 @@
 //! `era completions` and `era man`: what a shell and `man` want to know of the command line.
 
 use super::terminal_messages::tell;
-use super::{Failure, Outcome, print_text};
+use super::{CommandResult, Failure, print_text};
 use clap::{Args, Command};
 use clap_complete::Shell;
 use era_files::{Readers, replace_file_by};
@@ -23,7 +23,7 @@ pub struct Man {
 }
 
 /// Prints a completion script for the whole command line.
-pub fn print_completions(options: &Completions, mut command: Command) -> Outcome {
+pub fn print_completions(options: &Completions, mut command: Command) -> CommandResult {
     let name = command.get_name().to_owned();
     let mut script = Vec::new();
     clap_complete::generate(options.shell, &mut command, name, &mut script);
@@ -31,7 +31,7 @@ pub fn print_completions(options: &Completions, mut command: Command) -> Outcome
 }
 
 /// Prints or writes man pages of the whole command line.
-pub fn print_or_write_man_pages(options: &Man, command: Command) -> Outcome {
+pub fn print_or_write_man_pages(options: &Man, command: Command) -> CommandResult {
     let Some(folder) = &options.dir else {
         let mut page = Vec::new();
         clap_mangen::Man::new(command).render(&mut page).map_err(Failure::runtime_error)?;

@@ -9,7 +9,7 @@ use super::args::Serve;
 use super::config_keys::{GivenValue, KEYS, Key};
 use super::serve;
 use super::values::parse_listen_address;
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::device::Target;
 use crate::scene::{describe_toml_syntax_mistake, find_nearest_name};
 use crate::text_file::read_text_file;
@@ -325,14 +325,14 @@ pub fn fill_in_options_from_config_file(options: &Serve) -> Result<Serve, Failur
 }
 
 /// `era config`.
-pub fn run_config(options: &Config) -> Outcome {
+pub fn run_config(options: &Config) -> CommandResult {
     match &options.command {
         ConfigCommand::Check(options) => check_config_file_and_print_values_in_use(options),
         ConfigCommand::Example => print_text(&format_example_config()),
     }
 }
 
-fn check_config_file_and_print_values_in_use(options: &ConfigCheck) -> Outcome {
+fn check_config_file_and_print_values_in_use(options: &ConfigCheck) -> CommandResult {
     let found = ConfigFile::read_file_and_collect_mistakes(&options.file).and_then(|mut found| {
         // The scene is tried as well; what is wrong in it has its own lines.
         let file = &found.file;

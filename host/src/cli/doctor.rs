@@ -7,7 +7,7 @@ use super::headings::{CHECKED, DAEMON};
 use super::serve::listen_place_or_default;
 use super::token::read_token_from_file_or_else_environment;
 use super::values::{parse_daemon_url_adding_http_if_no_scheme, parse_outgoing_http_proxy};
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::certificate::read_certificates;
 use crate::connection::HostPort;
 use crate::device::{Target, priority};
@@ -57,7 +57,7 @@ pub struct Doctor {
     pub json: bool,
 }
 
-pub fn run_doctor(options: &Doctor) -> Outcome {
+pub fn run_doctor(options: &Doctor) -> CommandResult {
     let findings = judge_facts(&gather_facts(options)?);
     let count = |verdict| findings.iter().filter(|finding| finding.verdict == verdict).count();
     let (problems, warnings) = (count(Verdict::Problem), count(Verdict::Warning));

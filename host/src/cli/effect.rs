@@ -6,7 +6,7 @@ use super::panel::{
     collect_plan_bounds, load_or_compute_plan_table, make_target_from_at_option,
     prepare_table_with_scene_finger_if_any_at_places, tell_missing_or_exceeded_plan_bounds,
 };
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::effects::{
     self, DesignError, EffectDesign, EffectRequest, EffectWindow, Intensity,
     design_effect_of_windows_if_click_else_of_drives, intensity, plan_request_with_intensity_for_targets_without_one,
@@ -21,7 +21,7 @@ use serde_json::json;
 use std::fmt::Write;
 use std::time::Instant;
 
-pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
+pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
     if let Some(path) = &options.from_file.file {
         return design_effect_file_for_panel_and_print(options, path);
     }

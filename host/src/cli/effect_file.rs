@@ -4,7 +4,7 @@ use super::args::Touch;
 use super::args_effect::EffectOptions;
 use super::client::request_body_failing_on_error_status;
 use super::panel::{make_target_from_at_option, prepare_table_with_scene_finger_if_any_at_places};
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::effect_files::motion::{RATE_HZ, format_csv, format_wav, sample_acceleration_g};
 use crate::effect_files::panel::{
     PanelEffect, PanelEffectError, PartKind, ScaleView, design_parts_for_panel, place_of_part_m,
@@ -40,7 +40,7 @@ impl From<PanelEffectError> for Failure {
     }
 }
 
-pub fn design_effect_file_for_panel_and_print(options: &EffectOptions, path: &Path) -> Outcome {
+pub fn design_effect_file_for_panel_and_print(options: &EffectOptions, path: &Path) -> CommandResult {
     let scene = options.panel.load_scene()?;
     let named = |error: ReadError| Failure::usage_error(format!("{}: {error}", path.display()));
     let list = read_effect_bytes(&read_file_cut_one_byte_over_limit(path)?, options.from_file.format).map_err(named)?;
@@ -69,7 +69,7 @@ pub fn design_effect_file_for_panel_and_print(options: &EffectOptions, path: &Pa
 }
 
 /// Lets the daemon play a file at the touched place.
-pub fn send_effect_file_to_daemon_and_print(options: &Touch, path: &Path) -> Outcome {
+pub fn send_effect_file_to_daemon_and_print(options: &Touch, path: &Path) -> CommandResult {
     let bytes = read_file_cut_one_byte_over_limit(path)?;
     let named = |error: ReadError| Failure::usage_error(format!("{}: {error}", path.display()));
     let format = options.format.map_or_else(|| detect_format(&bytes), Ok).map_err(named)?;
@@ -120,7 +120,7 @@ fn write_effect_acceleration_as_png_csv_or_wav_by_extension(
     effect_path_for_title: &Path,
     (table, poles): (&PlanTable, &PanelPoles),
     effect: &PanelEffect,
-) -> Outcome {
+) -> CommandResult {
     let samples =
         sample_acceleration_g(table, poles, effect).ok_or(DesignError::Unbounded).map_err(Failure::runtime_error)?;
     let places_mm: Vec<(f64, f64)> = effect.places.iter().map(|place| (1e3 * place.x_m, 1e3 * place.y_m)).collect();

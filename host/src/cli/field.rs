@@ -9,14 +9,14 @@ use super::panel::{
 };
 use super::progress::run_with_progress;
 use super::terminal_messages::tell;
-use super::{Failure, Outcome, field_click, print_json, print_text, reach};
+use super::{CommandResult, Failure, field_click, print_json, print_text, reach};
 use crate::maps;
 use crate::model::Bound;
 use crate::study::tolerances;
 use serde_json::json;
 
 /// Runs it.
-pub fn run_field_command_mapping_touch_click_or_reach(options: &Field) -> Outcome {
+pub fn run_field_command_mapping_touch_click_or_reach(options: &Field) -> CommandResult {
     if let Some(effect) = options.effect {
         return field_click::compute_and_write_click_map(options, effect);
     }

@@ -5,7 +5,7 @@ use super::panel::{check_has_actuators, load_or_compute_plan_table};
 use super::progress::run_with_progress;
 use super::reach::{format_place, tell_picture_written, write_csv_true_if_to_stdout};
 use super::terminal_messages::tell;
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::effects::{DesignError, EffectRequest, NamedEffect};
 use crate::planner::maps::ClickMap;
 use crate::planner::maps::clicks::{ClickMapError, PlaceClick};
@@ -28,7 +28,7 @@ impl From<ClickMapError> for Failure {
 }
 
 /// Designs the click at every place, and writes what is asked for.
-pub fn compute_and_write_click_map(options: &Field, effect: NamedEffect) -> Outcome {
+pub fn compute_and_write_click_map(options: &Field, effect: NamedEffect) -> CommandResult {
     if effect != NamedEffect::Click {
         return Err(Failure::usage_error(format!("--effect is {}, but must be click", effect.name())));
     }

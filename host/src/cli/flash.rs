@@ -2,7 +2,7 @@
 
 use super::args_board::Flash;
 use super::terminal_messages::tell;
-use super::{Failure, Outcome, print_json};
+use super::{CommandResult, Failure, print_json};
 use crate::device::{Target, TargetError};
 use crate::flash::board::{Board, BoardError};
 use crate::flash::check::{InstalledFirmware, Version, check_image};
@@ -29,7 +29,7 @@ enum FlashRoute {
     Dfu,
 }
 
-pub fn run_flash(options: &Flash) -> Outcome {
+pub fn run_flash(options: &Flash) -> CommandResult {
     if matches!(options.port, Some(Target::Sim | Target::Emulated)) {
         return Err(Failure::usage_error(
             "only a board can be flashed: use --port with auto or the path of a serial port",
@@ -186,7 +186,7 @@ impl FlashJob<'_> {
     }
 
     /// Checks the image against the board, shows what is about to happen, and asks.
-    fn check_image_and_ask_before_flashing(&self, before: Option<InstalledFirmware>, place: &str) -> Outcome {
+    fn check_image_and_ask_before_flashing(&self, before: Option<InstalledFirmware>, place: &str) -> CommandResult {
         let after = Version(self.image.header.firmware);
         match before {
             Some(before) => {

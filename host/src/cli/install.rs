@@ -4,7 +4,7 @@ use super::args::Serve;
 use super::config::{self, ConfigFile};
 use super::headings::{ACCESS, FILES, SERVICE};
 use super::terminal_messages::tell;
-use super::{Failure, Outcome, print_text};
+use super::{CommandResult, Failure, print_text};
 use crate::daemon::Recorder;
 use crate::install::files::{self, FileChange};
 use crate::install::{rule, unit};
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 /// One of the files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Part {
+pub enum InstalledPart {
     /// The udev rule, which sets who may drive the board
     Rule,
     /// The systemd unit, which runs the daemon as a service
@@ -43,7 +43,7 @@ pub struct Install {
     pub print: bool,
     /// Install or remove only the udev rule or only the systemd unit
     #[arg(long, value_name = "PART", value_enum, help_heading = FILES)]
-    pub only: Option<Part>,
+    pub only: Option<InstalledPart>,
     /// Remove the installed files
     #[arg(long, help_heading = FILES)]
     pub remove: bool,
@@ -70,19 +70,19 @@ fn parse_group_name(text: &str) -> Result<String, String> {
 
 /// A file that is to be.
 struct WantedFile {
-    part: Part,
+    part: InstalledPart,
     path: PathBuf,
     text: String,
 }
 
-pub fn run_install(options: &Install) -> Outcome {
+pub fn run_install(options: &Install) -> CommandResult {
     // Paths of the configuration are absolute, and are cut by this one.
     let root = options.root.as_deref().map(std::path::absolute).transpose().map_err(Failure::runtime_error)?;
     let options = &Install { root, ..options.clone() };
     if !cfg!(target_os = "linux") {
         return Err(Failure::usage_error("udev rules and systemd units exist only on Linux"));
     }
-    if options.user && options.only == Some(Part::Rule) {
+    if options.user && options.only == Some(InstalledPart::Rule) {
         return Err(Failure::usage_error("a udev rule applies to the whole machine: omit --user"));
     }
     let config = find_config_path(options)?;
@@ -105,7 +105,7 @@ pub fn run_install(options: &Install) -> Outcome {
             files::write_marked(&file.path, &file.text, options.force)
         };
         let done = done.map_err(Failure::runtime_error)?;
-        if options.remove && file.part == Part::Service {
+        if options.remove && file.part == InstalledPart::Service {
             remove_dangling_enable_links_of_unit(&file.path);
         }
         print_text(&format!("{done} {}", file.path.display()))?;
@@ -127,15 +127,15 @@ pub fn run_install(options: &Install) -> Outcome {
 fn list_udev_rule_and_unit_files(options: &Install, config_path: &Path) -> Result<Vec<WantedFile>, Failure> {
     let is_wanted = |part| options.only.is_none_or(|only| only == part);
     let mut wanted = Vec::new();
-    if is_wanted(Part::Rule) && !options.user {
+    if is_wanted(InstalledPart::Rule) && !options.user {
         let path = target_root_folder(options).join(rule::PATH);
         wanted.push(WantedFile {
-            part: Part::Rule,
+            part: InstalledPart::Rule,
             path,
             text: rule::format_rule(&options.group, options.flash_group.as_deref()),
         });
     }
-    if is_wanted(Part::Service) {
+    if is_wanted(InstalledPart::Service) {
         let program = find_service_program(options)?;
         let secrets = &list_secret_files_that_systemd_must_pass_to_service(options, config_path);
         let unit = unit::Unit {
@@ -146,7 +146,7 @@ fn list_udev_rule_and_unit_files(options: &Install, config_path: &Path) -> Resul
             is_user: options.user,
         };
         let text = unit.text().map_err(Failure::usage_error)?;
-        wanted.push(WantedFile { part: Part::Service, path: find_unit_path(options)?, text });
+        wanted.push(WantedFile { part: InstalledPart::Service, path: find_unit_path(options)?, text });
     }
     Ok(wanted)
 }
@@ -235,7 +235,7 @@ fn find_user_config_folder() -> Result<PathBuf, Failure> {
 
 /// What will not work as it is.
 fn warn_what_keeps_service_from_working(options: &Install, config: &Path, wanted: &[WantedFile]) {
-    let Some(service) = wanted.iter().find(|file| file.part == Part::Service) else { return };
+    let Some(service) = wanted.iter().find(|file| file.part == InstalledPart::Service) else { return };
     let there = path_below_target_root(options, config);
     if there.exists() {
         match ConfigFile::read(&there) {
@@ -306,10 +306,10 @@ fn is_in_build_folder(program: &Path) -> bool {
 }
 
 /// The commands that make the change known.
-fn list_commands_to_run_next(options: &Install, changed: &[Part], config: &Path) -> Vec<String> {
+fn list_commands_to_run_next(options: &Install, changed: &[InstalledPart], config: &Path) -> Vec<String> {
     let mut steps = Vec::new();
     let (manager, sudo) = if options.user { ("systemctl --user", "") } else { ("sudo systemctl", "sudo ") };
-    if changed.contains(&Part::Rule) {
+    if changed.contains(&InstalledPart::Rule) {
         let groups = std::iter::once(&options.group).chain(&options.flash_group);
         for group in groups.filter(|group| !options.remove && !group_exists_or_groups_unreadable(group)) {
             steps.push(format!("sudo groupadd --system {group}"));
@@ -317,7 +317,7 @@ fn list_commands_to_run_next(options: &Install, changed: &[Part], config: &Path)
         steps.push("sudo udevadm control --reload".into());
         steps.push("sudo udevadm trigger --subsystem-match=usb --subsystem-match=tty".into());
     }
-    if changed.contains(&Part::Service) {
+    if changed.contains(&InstalledPart::Service) {
         if options.remove {
             // Its link is gone already, so that there is nothing to disable.
             steps.push(format!("{manager} stop {}", unit::NAME));

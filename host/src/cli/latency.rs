@@ -5,7 +5,7 @@ mod first;
 use super::args::Latency;
 use super::panel::load_or_compute_plan_table;
 use super::serve::open_device;
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::daemon::{App, BackgroundDaemon};
 use crate::device::Target;
 use crate::verify::spread_points;
@@ -17,7 +17,7 @@ const MOST_REFUSED: usize = 10;
 /// Touches that are not counted, while caches and connections warm up.
 const WARM_UP: u32 = 20;
 
-pub fn measure_touch_latency_on_simulated_device(options: &Latency) -> Outcome {
+pub fn measure_touch_latency_on_simulated_device(options: &Latency) -> CommandResult {
     let (scene, text) = options.panel.load_scene_and_text()?;
     let table = load_or_compute_plan_table(&options.panel, options.keep, &scene)?;
     let device = open_device(&Target::Sim, &table)?;
@@ -102,7 +102,7 @@ pub fn measure_touch_latency_on_simulated_device(options: &Latency) -> Outcome {
     ))
 }
 
-fn await_device(agent: &ureq::Agent, base: &str) -> Outcome {
+fn await_device(agent: &ureq::Agent, base: &str) -> CommandResult {
     await_device_state(agent, base, "answer", |device| device["connected"] == true)
 }
 
@@ -112,7 +112,7 @@ fn await_device_state(
     base: &str,
     what: &str,
     is_state_reached: impl Fn(&serde_json::Value) -> bool,
-) -> Outcome {
+) -> CommandResult {
     let deadline = Instant::now() + Duration::from_secs(10);
     while Instant::now() < deadline {
         let state: serde_json::Value = agent

@@ -85,7 +85,7 @@ impl Failure {
     }
 }
 
-type Outcome = Result<(), Failure>;
+type CommandResult = Result<(), Failure>;
 
 /// Runs the program with the process's arguments.
 #[must_use]
@@ -99,6 +99,8 @@ pub fn main() -> ExitCode {
         if suggested.as_deref() == Some("--help") {
             error.remove(clap::error::ContextKind::SuggestedArg);
         }
+        // Nobody who mistypes an option means a value that begins with two dashes.
+        error.remove(clap::error::ContextKind::Suggested);
         // Without a command the daemon runs, but its options belong to it.
         let given: Vec<String> = std::env::args().skip(1).collect();
         let has_command =
@@ -183,7 +185,7 @@ fn print_argument_error_and_exit(error: &clap::Error, hint: &str) -> ! {
     }
 }
 
-fn run_command(arguments: command::Arguments, started: Instant) -> Outcome {
+fn run_command(arguments: command::Arguments, started: Instant) -> CommandResult {
     use command::Command;
     match arguments.command {
         // Without a command the main job runs: daemon, example plate, simulated device, web page.
@@ -222,13 +224,13 @@ fn run_command(arguments: command::Arguments, started: Instant) -> Outcome {
 }
 
 /// Writes a line of JSON to standard output.
-fn print_json(value: &impl serde::Serialize) -> Outcome {
+fn print_json(value: &impl serde::Serialize) -> CommandResult {
     let text = serde_json::to_string(value).map_err(Failure::runtime_error)?;
     print_text(&text)
 }
 
 /// Writes to standard output; a reader that has gone away (`| head`) is no failure.
-fn print_text(text: &str) -> Outcome {
+fn print_text(text: &str) -> CommandResult {
     use std::io::{ErrorKind, Write};
     // What has been logged before stands before it.
     standard_error::wait_until_queue_is_written_or_timeout();

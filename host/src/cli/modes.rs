@@ -9,7 +9,7 @@ use super::panel::{
 };
 use super::progress::{run_with_progress, run_with_progress_and_expected_cost};
 use super::terminal_messages::tell;
-use super::{Failure, Outcome, print_json, print_text, reach};
+use super::{CommandResult, Failure, print_json, print_text, reach};
 use crate::maps::shapes::ModeShapes;
 use crate::maps::{mode_sheet, npy};
 use crate::model::{Bound, PanelMode, compute_modes_with_error_bounds};
@@ -23,7 +23,7 @@ use std::time::Instant;
 /// Most values of shapes: 160 MB, some three times that while they are computed.
 const MOST_VALUES: f64 = 2e7;
 
-pub fn run_modes(options: &Options) -> Outcome {
+pub fn run_modes(options: &Options) -> CommandResult {
     let started = Instant::now();
     let scene = options.panel.load_scene()?;
     let accuracy = options.panel.accuracy_from_time_limit_or_options(options.time)?;

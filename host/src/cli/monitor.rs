@@ -1,7 +1,7 @@
 //! `era monitor`: the log of a board's firmware.
 
 use super::args_board::Monitor;
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::device::Target;
 use crate::doctor::machine;
 use crate::flash::board::Board;
@@ -15,7 +15,7 @@ use std::time::Duration;
 /// Between two looks at an empty log: short for a person, long for a link that also carries drives.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
-pub fn decode_and_print_board_log(options: &Monitor) -> Outcome {
+pub fn decode_and_print_board_log(options: &Monitor) -> CommandResult {
     let target = options.port.clone().unwrap_or(Target::Auto);
     if !options.probe
         && let Some(taken) = describe_port_holders_with_advice_if_any(&target)

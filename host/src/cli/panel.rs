@@ -6,7 +6,7 @@ use super::cost::Cost;
 use super::explain::explain_model_scope_and_mesh_accuracy;
 use super::progress::{run_with_progress, run_with_progress_and_expected_cost};
 use super::terminal_messages::tell;
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::model::bounded::RefinementLevel;
 use crate::model::levels::ReducedLevels;
 use crate::model::{Accuracy, Bound, ModelError, validity};
@@ -150,7 +150,7 @@ pub fn collect_plan_bounds(plans: &[&Plan]) -> Vec<Bound> {
     plans.iter().map(bound).collect()
 }
 
-pub fn compute_and_print_frequency_response_at_point(options: &Response) -> Outcome {
+pub fn compute_and_print_frequency_response_at_point(options: &Response) -> CommandResult {
     let started = Instant::now();
     let scene = options.panel.load_scene()?;
     let frequencies_hz = list_frequencies_hz(&options.band)?;

@@ -12,7 +12,7 @@ use super::reach::convert_zone_to_region;
 use super::terminal_messages::tell;
 use super::values::parse_tolerances_of_springs_modulus_thickness_and_places;
 use super::wishes::PlanWishes;
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::effects::set_missing_target_peaks_from_level_if_given;
 use crate::model::Bound;
 use crate::planner::explain::Explanation;
@@ -85,7 +85,7 @@ struct PlanAnswer {
     off: Option<Spread>,
 }
 
-pub fn run_plan(options: &PlanOptions) -> Outcome {
+pub fn run_plan(options: &PlanOptions) -> CommandResult {
     let scene = options.panel.load_scene()?;
     let request = make_request(&scene, options)?;
     let windows = list_time_windows_of_all_targets_if_any_is_given(options);

@@ -3,12 +3,12 @@
 use super::args_panel::Press as Options;
 use super::panel::{format_bound, load_full_plan_table_or_compute_band_ends_only};
 use super::terminal_messages::tell;
-use super::{Outcome, print_json, print_text};
+use super::{CommandResult, print_json, print_text};
 use crate::planner::PlanTable;
 use crate::planner::press::{PressEffect, Stop};
 use std::fmt::Write;
 
-pub fn compute_and_print_actuator_gaps_under_finger_press(options: &Options) -> Outcome {
+pub fn compute_and_print_actuator_gaps_under_finger_press(options: &Options) -> CommandResult {
     let mut scene = options.panel.load_scene()?;
     if let Some(force_n) = options.force_n {
         scene.press_n = force_n;

@@ -5,7 +5,7 @@ use super::output::write_text_file;
 use super::panel::{check_has_actuators, load_or_compute_plan_table};
 use super::progress::run_with_progress;
 use super::terminal_messages::tell;
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::maps::reach as pictures;
 use crate::model::BarePanel;
 use crate::planner::maps::{ReachMaps, Scheme, SchemeReach, Spread, rigid, schemes};
@@ -27,7 +27,7 @@ const RIGID: f64 = 0.5;
 type FigureOfScheme = fn(&SchemeReach) -> (&Spread, f64);
 
 /// Maps of the strongest and the most contrasted reachable at every point.
-pub fn compute_and_write_reach_maps(options: &Field) -> Outcome {
+pub fn compute_and_write_reach_maps(options: &Field) -> CommandResult {
     let (scene, table, region) = prepare_scene_table_and_region(options)?;
     let maps = match scene.finger {
         None => run_with_progress("computing the largest peaks and contrasts", || ReachMaps::compute(&table, region))?,
@@ -110,7 +110,7 @@ fn compute_reach_maps_with_finger_on_each_point(
 }
 
 /// The three ways to drive, side by side.
-pub fn compare_drive_schemes_and_write_result(options: &Field) -> Outcome {
+pub fn compare_drive_schemes_and_write_result(options: &Field) -> CommandResult {
     let (scene, table, region) = prepare_scene_table_and_region(options)?;
     if scene.finger.is_some() {
         tell!("the scene's [finger] is not used: drive schemes are compared on the panel without a finger");

@@ -3,7 +3,7 @@
 use super::args::{AfterOutage, Serve};
 use super::panel::load_or_compute_plan_table_with_origin;
 use super::signals::{EndSignals, stop_and_suspend_on_terminal_request};
-use super::{Failure, Outcome, notify};
+use super::{CommandResult, Failure, notify};
 use crate::connection::HostPort;
 use crate::daemon::listener::{ListenError, TlsFiles, find_or_make_certificate, list_names_missing_in_certificate};
 use crate::daemon::{
@@ -32,7 +32,7 @@ const DIAGONAL: [f64; 6] = [1.0, 0.8, 1.2, 0.6, 1.4, 0.4];
 pub const SIMULATED: &str = "drives the simulated device: set device = \"auto\" to drive a board";
 
 /// Serves, with what a configuration file says among the options; `started` is when the program was.
-pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
+pub fn run_serve(options: &Serve, started: Instant) -> CommandResult {
     let (scene, text) = options.panel.load_scene_and_text()?;
     // Before anything is written.
     if let Some((_, mistake)) = list_mistakes_that_prevent_daemon_start_by_config_key(options).into_iter().next() {

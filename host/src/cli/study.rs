@@ -4,7 +4,7 @@ use super::args::{CacheOptions, PanelOptions};
 use super::args_study::Study as Options;
 use super::panel::load_or_compute_plan_table;
 use super::progress_of::{StudyProgressDisplay, make_signal_stop_flag_second_signal_exits};
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::study::evaluate::{Evaluator, QuickEvaluator, ThoroughEvaluator};
 use crate::study::result::GatherError;
 use crate::study::run::{self, FolderError, RunEnd, RunError, Shard, Study, StudyError, StudyFolder};
@@ -48,7 +48,7 @@ impl From<WriteError> for Failure {
 }
 
 /// Runs it.
-pub fn run_study(options: &Options) -> Outcome {
+pub fn run_study(options: &Options) -> CommandResult {
     let study = Study::load(&options.study)?;
     let path = options.out.clone().unwrap_or_else(|| default_results_folder_in_current_directory(&options.study));
     let folder = StudyFolder::open_or_create_refusing_folder_of_other_study(&path, study.fingerprint())?;

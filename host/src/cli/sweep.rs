@@ -7,7 +7,7 @@ use super::panel::{
     warn_if_too_thick_for_thin_plate_theory,
 };
 use super::progress::run_with_progress_and_expected_cost;
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::maps::npy;
 use crate::model::{Bound, BoundedAnswer};
 use crate::response::sweep::{AccelerationSweep, Arithmetic};
@@ -39,7 +39,7 @@ impl StoredNumber for f64 {
     }
 }
 
-pub fn run_sweep(options: &Options) -> Outcome {
+pub fn run_sweep(options: &Options) -> CommandResult {
     if options.panel.accuracy_from_time_limit_or_options(options.time)?.relative_tolerance_or_tightest() >= SINGLE_DOES
     {
         compute_and_write_sweep::<f32>(options)
@@ -48,7 +48,7 @@ pub fn run_sweep(options: &Options) -> Outcome {
     }
 }
 
-fn compute_and_write_sweep<T: StoredNumber>(options: &Options) -> Outcome {
+fn compute_and_write_sweep<T: StoredNumber>(options: &Options) -> CommandResult {
     let started = Instant::now();
     let scene = options.panel.load_scene()?;
     let frequencies_hz = list_frequencies_hz(&options.band)?;

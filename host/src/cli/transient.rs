@@ -5,7 +5,7 @@ use super::output::write_text_file;
 use super::panel::{convert_at_option_to_m, warn_if_too_thick_for_thin_plate_theory};
 use super::progress::run_with_progress;
 use super::terminal_messages::tell;
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::scene::Scene;
 use crate::transient::panel::{
     MotionError, NO_BOUND, PointMotion, SwitchedForce, choose_time_grid, compute_motion_after_switch_on,
@@ -15,7 +15,7 @@ use serde_json::json;
 use std::fmt::Write;
 use std::time::Instant;
 
-pub fn run_transient(options: &Transient) -> Outcome {
+pub fn run_transient(options: &Transient) -> CommandResult {
     let started = Instant::now();
     let scene = options.panel.load_scene()?;
     let accuracy = options.panel.accuracy()?;

@@ -2,7 +2,7 @@
 
 use super::headings::PLANNER;
 use super::values::{Point, parse_unitless_point};
-use crate::planner::schedule::Window;
+use crate::planner::schedule::{MIN_WINDOW_MS, Window};
 use crate::planner::{Grouping, Objective, Weigh};
 use clap::Args;
 
@@ -56,6 +56,13 @@ fn parse_number(text: &str) -> Result<f64, String> {
 fn parse_time_window_ms(text: &str) -> Result<Window, String> {
     let (from, to) = text.split_once('-').ok_or(format!("{text:?} is not of the form FROM-TO"))?;
     let window = Window { from_ms: parse_number(from)?, to_ms: parse_number(to)? };
+    if window.to_ms < window.from_ms + MIN_WINDOW_MS {
+        return Err(format!(
+            "TO is {}, but must be at least FROM + {MIN_WINDOW_MS}, which is {}",
+            window.to_ms,
+            window.from_ms + MIN_WINDOW_MS
+        ));
+    }
     window.check_range().map_err(|error| error.to_string().replace("from_ms", "FROM").replace("to_ms", "TO"))?;
     Ok(window)
 }

@@ -176,13 +176,13 @@ pub fn list_events_of_file(file: EffectFile, format: FileFormat) -> Result<Event
     }
     let whole = FileEvent { events: Some(file.events), repeat: file.repeat, ..FileEvent::default() };
     let mut expansion = Expansion { list: EventList::new(format, file.name), made: 0, steps: 0 };
-    expansion.add_event(&whole, "", Place { begin_s: 0.0, intensity: 1.0, dx_mm: 0.0, dy_mm: 0.0, depth: 0 })?;
+    expansion.add_event(&whole, "", EventScope { begin_s: 0.0, intensity: 1.0, dx_mm: 0.0, dy_mm: 0.0, depth: 0 })?;
     expansion.list.finish()
 }
 
 /// When, how strong and where an event is played.
 #[derive(Clone, Copy)]
-struct Place {
+struct EventScope {
     begin_s: f64,
     intensity: f64,
     dx_mm: f64,
@@ -199,7 +199,7 @@ struct Expansion {
 
 impl Expansion {
     /// Adds an event that the file has at `path`; when it ends, in s.
-    fn add_event(&mut self, event: &FileEvent, path: &str, place: Place) -> Result<f64, ReadError> {
+    fn add_event(&mut self, event: &FileEvent, path: &str, place: EventScope) -> Result<f64, ReadError> {
         let name = |field: &str| if path.is_empty() { field.to_owned() } else { format!("{path}.{field}") };
         let check = |field: &str, value: Option<f64>, default: f64, (min, max): (f64, f64)| {
             let value = value.unwrap_or(default);
@@ -214,7 +214,7 @@ impl Expansion {
         let offset = (-MAX_OFFSET_MM, MAX_OFFSET_MM);
         let dx_mm = place.dx_mm + check("dx_mm", event.dx_mm, 0.0, offset)?;
         let dy_mm = place.dy_mm + check("dy_mm", event.dy_mm, 0.0, offset)?;
-        let place = Place { intensity, dx_mm, dy_mm, depth: place.depth + 1, ..place };
+        let place = EventScope { intensity, dx_mm, dy_mm, depth: place.depth + 1, ..place };
         let Some(Repeat { count, period_ms }) = event.repeat else {
             return self.add_event_once(event, path, place);
         };
@@ -224,14 +224,14 @@ impl Expansion {
         let (mut begin_s, mut end_s) = (place.begin_s, place.begin_s);
         let mut round = 0.0;
         while round < count {
-            end_s = self.add_event_once(event, path, Place { begin_s, ..place })?;
+            end_s = self.add_event_once(event, path, EventScope { begin_s, ..place })?;
             round += 1.0;
             begin_s = period_ms.map_or(end_s, |ms| place.begin_s + 1e-3 * ms * round);
         }
         Ok(end_s)
     }
 
-    fn add_event_once(&mut self, event: &FileEvent, path: &str, place: Place) -> Result<f64, ReadError> {
+    fn add_event_once(&mut self, event: &FileEvent, path: &str, place: EventScope) -> Result<f64, ReadError> {
         let name = |field: &str| if path.is_empty() { field.to_owned() } else { format!("{path}.{field}") };
         self.steps += 1;
         if self.steps > MAX_STEPS {
@@ -270,7 +270,7 @@ impl Expansion {
     }
 
     /// When its last event ends, in s.
-    fn add_sequence(&mut self, events: &[FileEvent], path: &str, place: Place) -> Result<f64, ReadError> {
+    fn add_sequence(&mut self, events: &[FileEvent], path: &str, place: EventScope) -> Result<f64, ReadError> {
         let (mut previous_end_s, mut last_end_s) = (place.begin_s, place.begin_s);
         for (i, inner) in events.iter().enumerate() {
             let inner_path = if path.is_empty() { format!("events[{i}]") } else { format!("{path}.events[{i}]") };
@@ -294,7 +294,7 @@ impl Expansion {
                 (Some(time_ms), None) => place.begin_s + time("time_ms", time_ms)?,
                 (None, pause_ms) => previous_end_s + time("pause_ms", pause_ms.unwrap_or(0.0))?,
             };
-            previous_end_s = self.add_event(inner, &inner_path, Place { begin_s, ..place })?;
+            previous_end_s = self.add_event(inner, &inner_path, EventScope { begin_s, ..place })?;
             last_end_s = last_end_s.max(previous_end_s);
         }
         Ok(last_end_s)
@@ -305,7 +305,7 @@ impl Expansion {
         event: &FileEvent,
         primitive: Primitive,
         path: &str,
-        place: Place,
+        place: EventScope,
     ) -> Result<f64, ReadError> {
         let sharpness = event.sharpness;
         if let Some(value) = sharpness.filter(|value| !(0.0..=1.0).contains(value)) {

@@ -17,7 +17,13 @@ const SILENT: f64 = 0.01;
 /// # Errors
 /// [`ReadError`] for what is no WAV, or of another rate.
 pub fn read_wav_bytes(bytes: &[u8]) -> Result<EventList, ReadError> {
-    let broken = |error: hound::Error| ReadError::Syntax { format: FileFormat::Wav, detail: error.to_string() };
+    let broken = |error: hound::Error| {
+        let detail = match error {
+            hound::Error::IoError(_) => "the file ends too early".to_owned(),
+            other => other.to_string(),
+        };
+        ReadError::Syntax { format: FileFormat::Wav, detail }
+    };
     let mut reader = WavReader::new(bytes).map_err(broken)?;
     let spec = reader.spec();
     if !(RATES_HZ.0..=RATES_HZ.1).contains(&spec.sample_rate) {

@@ -19,6 +19,8 @@ pub struct RecordedRequest {
 pub enum RecordedAction {
     /// `POST /v1/touch`, with its number then.
     Touch(u64, Value),
+    /// `POST /v1/effects`, with its number then.
+    EffectFile(u64, Value),
     /// A message of a page's fingers, with the page.
     Fingers(u64, Value),
     /// A page went away.
@@ -151,6 +153,10 @@ impl Recording {
                     line.id.ok_or_else(|| missing("id"))?,
                     line.body.ok_or_else(|| missing("body"))?,
                 ),
+                "effect_file" => RecordedAction::EffectFile(
+                    line.id.ok_or_else(|| missing("id"))?,
+                    line.body.ok_or_else(|| missing("body"))?,
+                ),
                 "fingers" => RecordedAction::Fingers(
                     line.socket.ok_or_else(|| missing("socket"))?,
                     line.message.ok_or_else(|| missing("message"))?,
@@ -209,6 +215,7 @@ mod tests {
     fn a_recording_is_read_back() {
         let text = r#"{"at_ms": 0.0, "kind": "begin", "format": 1, "scene": "desk"}
 {"at_ms": 12.5, "kind": "touch", "id": 1, "body": {"x_px": 3, "y_px": 4}}
+{"at_ms": 13.0, "kind": "effect_file", "id": 3, "body": {"x_px": 5}}
 {"at_ms": 14.0, "kind": "outcome", "id": 1, "status": 200, "drives": [], "left_out_before": 2}
 {"at_ms": 20.0, "kind": "fingers", "socket": 7, "message": {"type": "touch", "touches": []}}
 {"at_ms": 21.0, "kind": "later-version", "something": [1]}
@@ -217,11 +224,12 @@ mod tests {
 {"at_ms": 23.0, "kind": "st"#;
         let recording = Recording::parse(text.as_bytes()).unwrap();
         let (asked, outcomes) = (&recording.asked, &recording.outcomes);
-        assert_eq!((recording.scene.as_str(), asked.len(), recording.left_out), ("desk", 3, 2));
+        assert_eq!((recording.scene.as_str(), asked.len(), recording.left_out), ("desk", 4, 2));
         assert_eq!(asked[0].at, Duration::from_micros(12_500));
         assert_eq!(asked[0].what, RecordedAction::Touch(1, json!({"x_px": 3, "y_px": 4})));
+        assert_eq!(asked[1].what, RecordedAction::EffectFile(3, json!({"x_px": 5})));
         let answered = TouchOutcome { status: 200, problem: None, drives: json!([]) };
-        assert_eq!((&asked[2].what, &outcomes[&1]), (&RecordedAction::Gone(7), &answered));
+        assert_eq!((&asked[3].what, &outcomes[&1]), (&RecordedAction::Gone(7), &answered));
         assert_eq!(outcomes[&2].to_string(), "409 superseded");
     }
 

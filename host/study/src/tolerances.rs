@@ -4,8 +4,8 @@
 //! The drives stay as they are, and the panel is modelled anew for each sample. Forces are those of masses at rest, as in a plan's own
 //! prediction, which is what each sample is compared with. A finger that is part of the panel is no part that may be off: it is on its place on each of them.
 
-use crate::methods::draw_latin_hypercube;
 use crate::run::StudyObserver;
+use crate::space::draw_latin_hypercube;
 use era_model::model::{Accuracy, ModelError, PanelModel};
 use era_model::response::{
     ResponseError, SineComponent, compute_acceleration_curves_per_newton, peak_of_sines_merging_equal_frequencies,

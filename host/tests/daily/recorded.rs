@@ -32,6 +32,11 @@ fn a_recording_is_replayed_with_the_same_answers() {
             std::thread::sleep(Duration::from_secs(2));
         }
         assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 5000, "y_px": 1}"#).0, 400);
+        let ticks = json!({"x_px": 960, "y_px": 640, "intensity_g": 0.1, "effect": {"version": 1, "events": [
+            {"primitive": "tick", "repeat": {"count": 2, "period_ms": 100}}]}});
+        assert_eq!(daemon.post("/v1/effects", &ticks.to_string()).0, 200);
+        std::thread::sleep(Duration::from_secs(2));
+        assert_eq!(daemon.post("/v1/effects", r#"{"x_px": 960, "y_px": 640}"#).0, 400);
         let mut socket = live(&daemon, "?send=plan");
         let tap = json!({"type": "touch", "touches": [{"id": 1, "x_px": 400.0, "y_px": 500.0}], "intensity_g": 0.1});
         say(&mut socket, &tap);
@@ -43,8 +48,8 @@ fn a_recording_is_replayed_with_the_same_answers() {
     assert!(Recorder::start(&file, "again").is_err(), "a recording is not written over");
     let (daemon, _line) = daemon(CALM);
     let told = run_era_json(&["replay", file.to_str().unwrap(), "--url", &daemon.url, "--json"]);
-    assert_eq!((&told["requests"], &told["unanswered"]), (&json!(5), &json!(0)), "{told}");
-    assert_eq!(told["statuses"], json!({"200": 4, "400": 1}), "{told}");
+    assert_eq!((&told["requests"], &told["unanswered"]), (&json!(7), &json!(0)), "{told}");
+    assert_eq!(told["statuses"], json!({"200": 5, "400": 2}), "{told}");
     assert_eq!((&told["answered_otherwise"], &told["left_out"]), (&json!(0), &json!(0)), "{told}");
     // The same wishes on the same panel are the same drives.
     assert_eq!((&told["drives_compared"], &told["drives_differ_by"]), (&json!(3), &json!(0.0)), "{told}");

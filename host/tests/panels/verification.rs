@@ -11,7 +11,7 @@ use era::scene::{EXAMPLE_BAR, Scene};
 use era::verify::{VerifyError, compare_plan_with_simulation};
 use era_shared::supply::{RAILS, rail_index_of_channel};
 use rayon::prelude::*;
-use trials::{Outcome, Tally, Trial, Verdict, exceeds_travel_limit, try_scene, verdict_on};
+use trials::{Tally, Trial, TrialOutcome, Verdict, exceeds_travel_limit, try_scene, verdict_on};
 
 mod trials;
 
@@ -46,15 +46,15 @@ fn many_random_touches_are_within_their_bounds() {
     let trials: Vec<Trial> = (0..scenes).into_par_iter().flat_map_iter(|scene| try_scene(1, scene, 10)).collect();
     for Trial { name, outcome } in &trials {
         match outcome {
-            Outcome::NotCompared(reason) => println!("{name}: not compared: {reason}"),
-            Outcome::Failed(reason) => println!("{name}: failed: {reason}"),
-            Outcome::Compared { comparison, reason: Some(reason) } => println!(
+            TrialOutcome::NotCompared(reason) => println!("{name}: not compared: {reason}"),
+            TrialOutcome::Failed(reason) => println!("{name}: failed: {reason}"),
+            TrialOutcome::Compared { comparison, reason: Some(reason) } => println!(
                 "{name}: planned {:.3e} g, simulated {:.3e} g, {:+.2} %: {reason}",
                 comparison.predicted_g,
                 comparison.simulated_g,
                 comparison.difference * 100.0
             ),
-            Outcome::Compared { reason: None, .. } => {}
+            TrialOutcome::Compared { reason: None, .. } => {}
         }
     }
     let tally = Tally::of(&trials);
@@ -68,7 +68,7 @@ fn many_random_touches_are_within_their_bounds() {
 #[test]
 fn a_drive_of_next_to_nothing_on_a_rail_is_taken() {
     for trial in try_scene(1, 107, 4) {
-        assert!(!matches!(trial.outcome, Outcome::Failed(_)), "{trial:?}");
+        assert!(!matches!(trial.outcome, TrialOutcome::Failed(_)), "{trial:?}");
     }
 }
 
@@ -130,7 +130,7 @@ fn no_touch_goes_beyond_a_third_of_the_gap() {
         }
     }
     let mut other = try_scene(1, 0, 1).remove(0);
-    let Outcome::Compared { comparison, .. } = &mut other.outcome else { panic!("{other:?}") };
+    let TrialOutcome::Compared { comparison, .. } = &mut other.outcome else { panic!("{other:?}") };
     assert_eq!(verdict_on(comparison), Verdict::Within);
     comparison.travel[0].simulated = 0.34;
     assert_eq!(verdict_on(comparison), Verdict::Outside);

@@ -1,6 +1,6 @@
 //! Tables in documents.
 
-use crate::Part;
+use crate::Benchmark;
 use crate::error::Error;
 use crate::table::Table;
 use clap::ValueEnum;
@@ -25,7 +25,7 @@ pub fn describe_machine() -> Result<String, Error> {
 ///
 /// # Errors
 /// [`Error::File`].
-pub fn write_tables_as_markdown(path: &Path, tables: &[(Part, Table)]) -> Result<(), Error> {
+pub fn write_tables_as_markdown(path: &Path, tables: &[(Benchmark, Table)]) -> Result<(), Error> {
     let tables: String = tables.iter().map(|(_, table)| table.format_as_markdown()).collect();
     std::fs::write(path, format!("## Measurements of the panel model\n\n{}\n\n{tables}", describe_machine()?))
         .map_err(Error::file_error(path))
@@ -35,10 +35,10 @@ pub fn write_tables_as_markdown(path: &Path, tables: &[(Part, Table)]) -> Result
 ///
 /// # Errors
 /// [`Error::File`], [`Error::NoRoom`].
-pub fn update_tables_in_document(path: &Path, tables: &[(Part, Table)]) -> Result<(), Error> {
+pub fn update_tables_in_document(path: &Path, tables: &[(Benchmark, Table)]) -> Result<(), Error> {
     let mut text = std::fs::read_to_string(path).map_err(Error::file_error(path))?;
     let machine = describe_machine()?;
-    for part in Part::value_variants() {
+    for part in Benchmark::value_variants() {
         let own: String =
             tables.iter().filter(|table| table.0 == *part).map(|(_, table)| table.format_as_markdown()).collect();
         if !own.is_empty() {
@@ -51,7 +51,7 @@ pub fn update_tables_in_document(path: &Path, tables: &[(Part, Table)]) -> Resul
 }
 
 /// The part's name on the command line.
-fn get_command_line_name(part: Part) -> String {
+fn get_command_line_name(part: Benchmark) -> String {
     part.to_possible_value().map_or_else(String::new, |value| String::from(value.get_name()))
 }
 

@@ -18,11 +18,11 @@ struct Reading {
     event_count: usize,
     duration_ms: f64,
     warnings: Vec<String>,
-    parts: Vec<Part>,
+    parts: Vec<ReadPart>,
 }
 
 #[derive(Deserialize)]
-struct Part {
+struct ReadPart {
     kind: String,
     peak_g: f64,
 }

@@ -88,7 +88,7 @@ enum Command {
 
 /// A part of the measurements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Part {
+enum Benchmark {
     Tradeoff,
     Growth,
     Peers,
@@ -112,7 +112,7 @@ struct Options {
     quick: bool,
     /// Parts to measure; all unless given
     #[arg(long, value_enum)]
-    only: Vec<Part>,
+    only: Vec<Benchmark>,
     /// Time that one size of the growth with unknowns may take [default: 45, with --quick 3]
     #[arg(long, value_name = "S")]
     longest_s: Option<f64>,
@@ -131,21 +131,23 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Model(options) => run_model_benchmark(&options),
         Command::Planner { update } => print_tables_and_update_document(
-            Part::Planner,
+            Benchmark::Planner,
             swarm::build_planner_tables_with_swarm_and_annealing,
             update.as_deref(),
         ),
         Command::Study { update } => print_tables_and_update_document(
-            Part::Study,
+            Benchmark::Study,
             || study::build_study_tables(&Environment::find_program_and_prepare_peers(true, true)?),
             update.as_deref(),
         ),
         Command::Feel { update } => {
-            print_tables_and_update_document(Part::Feel, feel::build_click_tables, update.as_deref())
+            print_tables_and_update_document(Benchmark::Feel, feel::build_click_tables, update.as_deref())
         }
-        Command::Imports { update } => {
-            print_tables_and_update_document(Part::Imports, imports::build_table_of_effect_files, update.as_deref())
-        }
+        Command::Imports { update } => print_tables_and_update_document(
+            Benchmark::Imports,
+            imports::build_table_of_effect_files,
+            update.as_deref(),
+        ),
         Command::Case(case) => case::run_case(&case).map(|outcome| println!("{}", serde_json::json!(outcome))),
     };
     match result {
@@ -158,7 +160,7 @@ fn main() -> ExitCode {
 }
 
 fn print_tables_and_update_document(
-    part: Part,
+    part: Benchmark,
     build_tables: impl FnOnce() -> Result<Vec<Table>, Error>,
     document_path: Option<&Path>,
 ) -> Result<(), Error> {
@@ -167,45 +169,47 @@ fn print_tables_and_update_document(
     for table in &tables {
         println!("{}", table.format_as_text());
     }
-    let tables: Vec<(Part, Table)> = tables.into_iter().map(|table| (part, table)).collect();
+    let tables: Vec<(Benchmark, Table)> = tables.into_iter().map(|table| (part, table)).collect();
     document_path.map_or(Ok(()), |path| document::update_tables_in_document(path, &tables))
 }
 
 fn run_model_benchmark(options: &Options) -> Result<(), Error> {
     let is_wanted = |part| options.only.is_empty() || options.only.contains(&part);
-    let environment =
-        Environment::find_program_and_prepare_peers(options.quick, is_wanted(Part::Peers) || is_wanted(Part::Table1))?;
+    let environment = Environment::find_program_and_prepare_peers(
+        options.quick,
+        is_wanted(Benchmark::Peers) || is_wanted(Benchmark::Table1),
+    )?;
     let problem = Problem::from_starting_plate()?;
     let mut tables = Vec::new();
-    let mut add_table = |part: Part, table: Table| {
+    let mut add_table = |part: Benchmark, table: Table| {
         println!("{}", table.format_as_text());
         tables.push((part, table));
     };
     let started = Instant::now();
     println!("{}\n", document::describe_machine()?);
-    if is_wanted(Part::Peers) || is_wanted(Part::Arithmetic) {
+    if is_wanted(Benchmark::Peers) || is_wanted(Benchmark::Arithmetic) {
         measure_peers_and_arithmetic(&environment, &problem, &is_wanted, &mut add_table)?;
     }
-    if is_wanted(Part::Table1) {
-        add_table(Part::Table1, table1::build_table_of_motion_in_time(&environment)?);
+    if is_wanted(Benchmark::Table1) {
+        add_table(Benchmark::Table1, table1::build_table_of_motion_in_time(&environment)?);
     }
-    if is_wanted(Part::Tradeoff) {
+    if is_wanted(Benchmark::Tradeoff) {
         let (table, responses) = tradeoff::build_table_and_plot_points_of_responses(&environment, &problem)?;
-        add_table(Part::Tradeoff, table);
+        add_table(Benchmark::Tradeoff, table);
         let (table, modes) = tradeoff::build_table_and_plot_points_of_mode_frequencies(&environment)?;
-        add_table(Part::Tradeoff, table);
+        add_table(Benchmark::Tradeoff, table);
         if let Some(path) = &options.plot {
             plot::write_accuracy_cost_svg(path, &responses, &modes)?;
         }
     }
-    if is_wanted(Part::Proof) {
-        add_table(Part::Proof, proof::build_table_of_error_bound_cost(&environment, &problem)?);
-        add_table(Part::Proof, proof::build_table_of_bound_over_error(&environment)?);
+    if is_wanted(Benchmark::Proof) {
+        add_table(Benchmark::Proof, proof::build_table_of_error_bound_cost(&environment, &problem)?);
+        add_table(Benchmark::Proof, proof::build_table_of_bound_over_error(&environment)?);
     }
-    if is_wanted(Part::Growth) {
+    if is_wanted(Benchmark::Growth) {
         let longest_s = options.longest_s.unwrap_or(if options.quick { LONGEST_QUICK_S } else { LONGEST_S });
-        add_table(Part::Growth, growth::build_table_of_growth_with_unknowns(&environment, &problem, longest_s)?);
-        add_table(Part::Growth, growth::build_table_of_growth_with_modes_actuators_and_frequencies(&environment)?);
+        add_table(Benchmark::Growth, growth::build_table_of_growth_with_unknowns(&environment, &problem, longest_s)?);
+        add_table(Benchmark::Growth, growth::build_table_of_growth_with_modes_actuators_and_frequencies(&environment)?);
     }
     println!("{} in all", format_time(started.elapsed().as_secs_f64()));
     if let Some(path) = &options.markdown {
@@ -224,8 +228,8 @@ const TRIED: [f64; 3] = [1e-3, 1e-4, 1e-6];
 fn measure_peers_and_arithmetic(
     environment: &Environment,
     problem: &Problem,
-    is_wanted: &dyn Fn(Part) -> bool,
-    add_table: &mut dyn FnMut(Part, Table),
+    is_wanted: &dyn Fn(Benchmark) -> bool,
+    add_table: &mut dyn FnMut(Benchmark, Table),
 ) -> Result<(), Error> {
     let reference = problem.compute_reference_curves(TIGHTEST)?;
     let runs = if environment.quick { 3 } else { 21 };
@@ -241,7 +245,7 @@ fn measure_peers_and_arithmetic(
         own.push(double);
         own.push(own::measure_solution_on_one_mesh::<f32>(problem, accuracy, &reference, runs)?.0);
     }
-    if is_wanted(Part::Peers) {
+    if is_wanted(Benchmark::Peers) {
         let next = problem.compute_reference_curves(NEXT)?;
         let uncertainty = next.compute_largest_relative_error(|curve, f| reference.values[curve * reference.count + f]);
         let file = problem.write_files_and_return_problem_path(&environment.scratch, &reference)?;
@@ -259,16 +263,16 @@ fn measure_peers_and_arithmetic(
             TIGHTEST.cell_m * 1e3,
             format_relative_error(uncertainty)
         ));
-        add_table(Part::Peers, all);
+        add_table(Benchmark::Peers, all);
         if let Some(best) = best {
-            add_table(Part::Peers, peers::build_table_of_times_at_equal_error(&report, &best));
+            add_table(Benchmark::Peers, peers::build_table_of_times_at_equal_error(&report, &best));
         }
-        add_table(Part::Peers, peers::build_table_of_times_at_equal_error(&report, &bounded));
-        add_table(Part::Peers, calculix::build_table_of_calculix_comparison(environment, problem, &file)?);
+        add_table(Benchmark::Peers, peers::build_table_of_times_at_equal_error(&report, &bounded));
+        add_table(Benchmark::Peers, calculix::build_table_of_calculix_comparison(environment, problem, &file)?);
     }
-    if is_wanted(Part::Arithmetic) {
+    if is_wanted(Benchmark::Arithmetic) {
         let accuracy = good_enough.unwrap_or(Accuracy::REFERENCE);
-        add_table(Part::Arithmetic, arithmetic::build_table_of_arithmetics(problem, accuracy, &reference, runs)?);
+        add_table(Benchmark::Arithmetic, arithmetic::build_table_of_arithmetics(problem, accuracy, &reference, runs)?);
     }
     Ok(())
 }

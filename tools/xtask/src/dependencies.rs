@@ -32,7 +32,7 @@ pub struct Options {
 ///
 /// # Errors
 /// [`Error::NoAdvisories`] if there is none, [`Error::Failed`] if a crate is in it.
-pub fn run_scene_comparison_with_python_reference(options: &Options) -> Result<(), Error> {
+pub fn check_advisories(options: &Options) -> Result<(), Error> {
     let root = repository_root()?;
     match options.db.clone().or_else(|| find_advisory_database(&root)) {
         Some(database) => check_advisories_in_database(&root, &database),
@@ -43,7 +43,7 @@ pub fn run_scene_comparison_with_python_reference(options: &Options) -> Result<(
 /// The same where a database is at hand; otherwise says what is not checked.
 ///
 /// # Errors
-/// As [`run_scene_comparison_with_python_reference`], but for a database that is not there.
+/// As [`check_advisories`], but for a database that is not there.
 pub fn check_advisories_if_database_present() -> Result<(), Error> {
     let root = repository_root()?;
     if let Some(database) = find_advisory_database(&root) {

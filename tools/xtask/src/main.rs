@@ -89,7 +89,7 @@ fn main() -> ExitCode {
         Command::Python => python::check_python_package(),
         Command::Dist(options) => dist::make_release(&options),
         Command::House => house::survey_crates_failing_on_import_cycles_or_folder_order(),
-        Command::Advisories(options) => dependencies::run_scene_comparison_with_python_reference(&options),
+        Command::Advisories(options) => dependencies::check_advisories(&options),
         Command::Miri => miri::run_miri(),
         Command::Emulate(options) => emulate::run_emulator(&options),
     };

@@ -11,8 +11,7 @@ use crate::model::{Accuracy, Bound, ReducedModel};
 use crate::motion::driven_panel::SettledMotion;
 use crate::motion::harmonics::compute_drive_harmonics_on_finest_model;
 use crate::perception::felt_threshold_m_per_s2;
-use crate::plan::bound::{NO_LEVELS, UNBOUNDED};
-use crate::table::PlanTable;
+use crate::table::{NO_LEVELS, PlanTable, UNBOUNDED};
 use num_complex::Complex64;
 
 /// Why nothing is known of what is not there.

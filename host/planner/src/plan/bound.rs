@@ -5,16 +5,13 @@ use crate::model::estimator::ErrorEstimator;
 use crate::model::{Bound, ReducedModel};
 use crate::plan::{Plan, TargetResult};
 use crate::response;
-use crate::table::{ActuatorSetting, acceleration_at_point_from_coordinates};
+use crate::table::{ActuatorSetting, NO_LEVELS, UNBOUNDED, acceleration_at_point_from_coordinates};
 use crate::{PlanTable, STANDARD_GRAVITY};
 use nalgebra::DVector;
 use num_complex::Complex64;
 
 /// Why there is no bound on what nothing moves, or what was not asked for.
 const UNMOVED: &str = "no drive moves the target";
-pub(crate) const NO_LEVELS: &str = "no coarser model was computed for a comparison";
-pub(crate) const UNBOUNDED: &str =
-    "the response of a coarser model is unbounded, at the resonance of a mode without damping";
 
 /// The error bound of a peak from the phasors of its drives on three levels, the finest last. Differences add up like
 /// the magnitudes in the peak.

@@ -45,6 +45,12 @@ use press::PressEffect;
 use shared_limits::SharedLimits;
 use std::sync::OnceLock;
 
+/// Why a result has no error bound.
+pub(crate) const NO_LEVELS: &str = "no coarser model was computed for a comparison";
+/// Why a result has no error bound.
+pub(crate) const UNBOUNDED: &str =
+    "the response of a coarser model is unbounded, at the resonance of a mode without damping";
+
 /// The frequency grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TableOptions {

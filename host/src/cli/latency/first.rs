@@ -2,7 +2,7 @@
 
 use super::{LatencyFigures, await_device_state};
 use crate::cli::args::Latency;
-use crate::cli::{Failure, Outcome, print_json, print_text};
+use crate::cli::{CommandResult, Failure, print_json, print_text};
 use crate::scene::Scene;
 use crate::verify::spread_points;
 use serde_json::{Value, json};
@@ -20,7 +20,7 @@ pub fn measure_first_click_latency_armed_and_unarmed(
     scene: &Scene,
     agent: &ureq::Agent,
     base: &str,
-) -> Outcome {
+) -> CommandResult {
     let mut points = spread_points(clicks, f64::from(scene.screen.width_px), f64::from(scene.screen.height_px));
     points.retain(|(x_px, y_px)| scene.surface_point_at_px(*x_px, *y_px).is_ok());
     let Some(first) = points.first().copied() else {

@@ -7,7 +7,7 @@ use super::client::{self, DaemonAnswer};
 use super::progress::run_with_progress;
 use super::signals::run_in_thread_on_first_end_signal;
 use super::terminal_messages::tell_why_command_failed;
-use super::{Failure, Outcome, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text};
 use crate::replay::TouchOutcome;
 use crate::replay::{RecordedAction, RecordedRequest, Recording, largest_relative_drive_difference};
 use crate::text_file::refuse_utf16;
@@ -32,7 +32,7 @@ struct ReplayedRequest {
     result: Result<DaemonAnswer, Failure>,
 }
 
-pub fn run_replay(options: &Replay) -> Outcome {
+pub fn run_replay(options: &Replay) -> CommandResult {
     let named = |error: &dyn std::fmt::Display| Failure::Usage(format!("{}: {error}", options.file.display()));
     let bytes = std::fs::read(&options.file).map_err(|error| named(&format!("the file cannot be read: {error}")))?;
     refuse_utf16(&bytes).map_err(|error| named(&error))?;
@@ -68,6 +68,9 @@ pub fn run_replay(options: &Replay) -> Outcome {
             match &asked.what {
                 RecordedAction::Touch(_, body) => {
                     send_request_in_thread(daemon, "/v1/touch", place, Some(body.clone()), &done)
+                }
+                RecordedAction::EffectFile(_, body) => {
+                    send_request_in_thread(daemon, "/v1/effects", place, Some(body.clone()), &done)
                 }
                 RecordedAction::Stop => send_request_in_thread(daemon, "/v1/stop", place, None, &done),
                 RecordedAction::Arm => send_request_in_thread(daemon, "/v1/arm", place, None, &done),
@@ -110,10 +113,12 @@ fn send_request_in_thread(
     });
 }
 
-/// A touch that was answered otherwise than recorded.
+/// A touch or an effect file that was answered otherwise than recorded.
 struct ChangedAnswer<'r> {
     asked: &'r RecordedRequest,
     id: u64,
+    /// What was asked, in one line: of an effect file not its content.
+    asked_text: String,
     body: &'r Value,
     then: &'r TouchOutcome,
     /// Nothing: no answer.
@@ -135,7 +140,7 @@ impl ChangedAnswer<'_> {
         let now = self.now.as_ref().map_or_else(|| "no answer".into(), TouchOutcome::to_string);
         let detail = if self.detail.is_empty() { String::new() } else { format!(": {}", self.detail) };
         let at = self.asked.at.as_secs_f64();
-        format!("  {at:9.3} s  touch {} {}  {} in the recording, {now} now{detail}", self.id, self.body, self.then)
+        format!("  {at:9.3} s  {}  {} in the recording, {now} now{detail}", self.asked_text, self.then)
     }
 }
 
@@ -144,7 +149,7 @@ fn print_summary_and_fail_if_unanswered_or_lost(
     recording: &Recording,
     mut done: Vec<ReplayedRequest>,
     pages: &ReplayedPages<'_>,
-) -> Outcome {
+) -> CommandResult {
     // Threads end in any order.
     done.sort_by_key(|done| done.place);
     let (mut statuses, mut unanswered, mut otherwise) = (BTreeMap::<u16, u64>::new(), 0_u64, Vec::new());
@@ -159,7 +164,13 @@ fn print_summary_and_fail_if_unanswered_or_lost(
         };
         unanswered += u64::from(now.is_none());
         let Some(asked) = recording.asked.get(*place) else { continue };
-        let RecordedAction::Touch(id, body) = &asked.what else { continue };
+        let (id, body, asked_text) = match &asked.what {
+            RecordedAction::Touch(id, body) => (id, body, format!("touch {id} {body}")),
+            RecordedAction::EffectFile(id, body) => {
+                (id, body, format!("effect file {id} at {}, {} px", body["x_px"], body["y_px"]))
+            }
+            _ => continue,
+        };
         let Some(then) = recording.outcomes.get(id) else { continue };
         match now {
             Some(now) if (now.status, &now.problem) == (then.status, &then.problem) => {
@@ -168,7 +179,7 @@ fn print_summary_and_fail_if_unanswered_or_lost(
                     largest = largest.max(difference);
                 }
             }
-            now => otherwise.push(ChangedAnswer { asked, id: *id, body, then, now, detail }),
+            now => otherwise.push(ChangedAnswer { asked, id: *id, asked_text, body, then, now, detail }),
         }
     }
     if options.daemon.json {
@@ -188,7 +199,7 @@ fn print_summary_and_fail_if_unanswered_or_lost(
     let mut told: Vec<String> = otherwise.iter().take(TOLD).map(ChangedAnswer::format_line).collect();
     if otherwise.len() > TOLD {
         told.push(format!(
-            "  and {} more touches: use --json, which lists all of them in `otherwise`",
+            "  and {} more requests: use --json, which lists all of them in `otherwise`",
             otherwise.len() - TOLD
         ));
     }
@@ -196,7 +207,7 @@ fn print_summary_and_fail_if_unanswered_or_lost(
     print_text(&format!(
         "{} requests replayed ({}), {unanswered} without an answer; {} messages of web pages replayed{lost}\n\
          errors in the answers to these messages: {refused}; the drives that these messages cause are not compared\n\
-         touches whose answer differs from the recorded answer: {}{told}\n\
+         touches and effect files whose answer differs from the recorded answer: {}{told}\n\
          touches whose drives were compared: {compared}; largest relative difference in frequency or voltage: {largest:.1e}\n\
          lines that the recording lacks, because the disk was too slow: {}",
         done.len(),
@@ -209,7 +220,7 @@ fn print_summary_and_fail_if_unanswered_or_lost(
 }
 
 /// It failed where the daemon was not there for something.
-fn check_none_unanswered_or_lost(unanswered: u64, lost: u64) -> Outcome {
+fn check_none_unanswered_or_lost(unanswered: u64, lost: u64) -> CommandResult {
     if unanswered + lost == 0 {
         return Ok(());
     }

@@ -38,7 +38,7 @@ pub struct TokenNumber(pub usize);
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Client {
     token: Option<usize>,
-    place: Place,
+    place: ClientOrigin,
 }
 
 /// Who asks for something: the client, and whether it still waits for the answer.
@@ -63,7 +63,7 @@ impl<S: Sync> FromRequestParts<S> for Asker {
 impl Client {
     /// One of several.
     pub const fn with_token_number(token: usize) -> Self {
-        Self { token: Some(token), place: Place::Unknown }
+        Self { token: Some(token), place: ClientOrigin::Unknown }
     }
 }
 
@@ -76,7 +76,7 @@ impl Client {
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Place {
+enum ClientOrigin {
     #[default]
     Unknown,
     Address(IpAddr),
@@ -91,14 +91,14 @@ impl<S: Sync> FromRequestParts<S> for Client {
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
         let token = parts.extensions.get::<TokenNumber>().map(|number| number.0);
         let place = match parts.extensions.get::<Peer>() {
-            Some(Peer::Address(address)) if !address.is_loopback() => Place::Address(*address),
-            Some(Peer::Process(Some(process))) => Place::Process(*process),
+            Some(Peer::Address(address)) if !address.is_loopback() => ClientOrigin::Address(*address),
+            Some(Peer::Process(Some(process))) => ClientOrigin::Process(*process),
             Some(Peer::Address(_)) => {
                 let mut hasher = DefaultHasher::new();
                 parts.headers.get(header::USER_AGENT).map(|name| name.as_bytes()).hash(&mut hasher);
-                Place::Program(hasher.finish())
+                ClientOrigin::Program(hasher.finish())
             }
-            Some(Peer::Process(None)) | None => Place::Unknown,
+            Some(Peer::Process(None)) | None => ClientOrigin::Unknown,
         };
         Ok(Self { token, place })
     }

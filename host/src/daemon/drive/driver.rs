@@ -71,10 +71,13 @@ impl TouchDriver {
         }
     }
 
-    /// Takes note that touch `id`, asked for when [`TouchDriver::stop_count`] was `stop_count`, has parts that begin later, the last at `last_begin`.
+    /// Takes note that touch `id`, asked for when [`TouchDriver::stop_count`] was `stop_count`, has parts that begin later, the last at `last_begin`;
+    /// nothing if a newer touch has such parts, because that touch has replaced this one.
     pub(super) fn note_later_parts(&self, id: u64, stop_count: u64, last_begin: Instant) {
-        *self.later.lock().unwrap_or_else(PoisonError::into_inner) =
-            Some(LaterParts { id, stops: stop_count, last_begin });
+        let mut later = self.later.lock().unwrap_or_else(PoisonError::into_inner);
+        if later.is_none_or(|noted| noted.id <= id) {
+            *later = Some(LaterParts { id, stops: stop_count, last_begin });
+        }
     }
 
     /// Whether parts of the newest touch are still to come: it pauses.

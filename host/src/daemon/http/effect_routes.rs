@@ -5,6 +5,7 @@ use crate::daemon::access::client::Asker;
 use crate::daemon::api::problem::Problem;
 use crate::daemon::app::App;
 use crate::daemon::touch::effect_file::{CheckedEffectFile, EffectFileRequest, PlayedEffectFileView};
+use crate::daemon::touch::outcome::summarize_outcome_for_recording;
 use crate::effect_files::named::{NamedEffectView, list_named_effects};
 use axum::Json;
 use axum::body::Bytes;
@@ -61,5 +62,8 @@ pub async fn post_effect_file_to_play(
     };
     let played = app.driver.design_effect_file_and_begin_to_play_it(&asker, id, stops, read).await;
     app.metrics.count_touch(played.is_ok());
+    app.record_line("outcome", || {
+        summarize_outcome_for_recording(id, &played.as_ref().map(|view| json!(view)).map_err(Clone::clone))
+    });
     Ok(Json(played?).into_response())
 }

@@ -21,7 +21,7 @@ use crate::daemon::observe::state::StateView;
 use crate::daemon::touch::Touch;
 use crate::daemon::touch::answer::TouchedView;
 use crate::daemon::touch::check::{build_planner_target_at_px, check_intensity_range};
-use crate::daemon::touch::outcome::RequestOutcome;
+use crate::daemon::touch::outcome::{RequestOutcome, summarize_outcome_for_recording};
 use crate::daemon::touch::plan_view::FieldView;
 use crate::daemon::touch::request::TouchRequest;
 use crate::effect_files::MAX_TEXT_BYTES;
@@ -209,17 +209,6 @@ async fn post_touch(
     let name = HeaderValue::try_from(name.unwrap_or_else(|| id.to_string()));
     response.headers_mut().extend(name.ok().map(|name| (REQUEST_ID, name)));
     Ok(response)
-}
-
-/// What a recording keeps of an outcome: what was driven, or why not.
-fn summarize_outcome_for_recording(id: u64, answer: &Result<Value, Problem>) -> Value {
-    match answer {
-        Ok(answer) => json!({
-            "id": id, "status": 200, "drives": answer["drives"], "predicted": answer["predicted"], "device": answer["device"],
-            "targets": answer["targets"], "limited_by": answer["limited_by"], "limits": answer["limits"],
-        }),
-        Err(problem) => json!({"id": id, "status": problem.status().as_u16(), "problem": problem}),
-    }
 }
 
 /// The outcome of a touch; the daemon keeps the outcomes of 256 touches

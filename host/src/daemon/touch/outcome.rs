@@ -4,7 +4,7 @@ use super::answer::TouchedView;
 use crate::daemon::api::problem::Problem;
 use crate::daemon::api::schema::text_choice_schema;
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 use utoipa::ToSchema;
 use utoipa::openapi::schema::Object;
 
@@ -37,4 +37,16 @@ pub struct RequestOutcome {
 
 fn outcome_state_schema() -> Object {
     text_choice_schema(["waiting", "done", "failed"], false, "Progress of the request.")
+}
+
+/// The content of a recording's line about the outcome of request `id`: what was driven, or why not. `answer` is the body of the answer.
+#[must_use]
+pub fn summarize_outcome_for_recording(id: u64, answer: &Result<Value, Problem>) -> Value {
+    match answer {
+        Ok(answer) => json!({
+            "id": id, "status": 200, "drives": answer["drives"], "predicted": answer["predicted"], "device": answer["device"],
+            "targets": answer["targets"], "limited_by": answer["limited_by"], "limits": answer["limits"],
+        }),
+        Err(problem) => json!({"id": id, "status": problem.status().as_u16(), "problem": problem}),
+    }
 }

@@ -5,4 +5,4 @@ mod evolution;
 mod samples;
 
 pub use evolution::Evolution;
-pub use samples::{KnownPoints, MOST_SOBOL, count_designs_of_method, draw_latin_hypercube};
+pub use samples::{KnownPoints, MOST_SOBOL, count_designs_of_method};

@@ -1,6 +1,6 @@
 //! Points that are known beforehand: grids, Latin hypercubes, Sobol's sequence.
 
-use crate::space::CubeDimension;
+use crate::space::{CubeDimension, draw_latin_hypercube};
 use crate::spec::{PointMethod, StudyMethod};
 use era_model::scene::random::RandomSequence;
 use sobol::params::JoeKuoD6;
@@ -141,25 +141,6 @@ fn grid_point_at_index(levels: &[Vec<f64>], index: usize) -> Vec<f64> {
         rest /= own.len();
     }
     point
-}
-
-/// So many points of which each has a part of every dimension for itself, in a place of its own within that part.
-#[must_use]
-#[expect(clippy::cast_precision_loss, reason = "counts of designs")]
-pub fn draw_latin_hypercube(dimensions: usize, count: usize, random: &mut RandomSequence) -> Vec<Vec<f64>> {
-    let mut points = vec![Vec::with_capacity(dimensions); count];
-    for _ in 0..dimensions {
-        let mut order: Vec<usize> = (0..count).collect();
-        // Fisher and Yates.
-        for last in (1..count).rev() {
-            let other = u32::try_from(last + 1).map_or(0, |below| random.next_below(below) as usize);
-            order.swap(last, other);
-        }
-        for (point, part) in points.iter_mut().zip(order) {
-            point.push((part as f64 + random.next_unit_number()) / count as f64);
-        }
-    }
-    points
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 //! scene refuses.
 
 use super::design::{self, CubeDimension, VariableSetting};
+use super::draw_latin_hypercube;
 use super::{DesignSpace, collect_all_places_of_paths, document};
-use crate::methods::draw_latin_hypercube;
 use crate::spec::{MinimumDistance, PathStep, StudyVariable, VariableKind, WantedFigure};
 use era_model::scene::random::RandomSequence;
 use era_model::scene::read::MistakeReport;

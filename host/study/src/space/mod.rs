@@ -6,6 +6,7 @@ mod check;
 mod design;
 mod document;
 mod kept;
+mod latin_hypercube;
 mod uncertain;
 
 #[cfg(test)]
@@ -13,6 +14,7 @@ mod tests;
 
 pub use design::{CubeDimension, Design, DesignColumn, VariableSetting, index_at_fraction};
 pub use document::RefusedDesign;
+pub use latin_hypercube::draw_latin_hypercube;
 pub use uncertain::UncertaintySamples;
 
 use crate::spec::{

@@ -42,7 +42,7 @@ impl UncertaintySamples {
                 .collect(),
             UncertaintySampling::LatinHypercube { samples } => {
                 let mut random = RandomSequence::new(seed, STREAM);
-                let points = crate::methods::draw_latin_hypercube(values, samples, &mut random);
+                let points = super::draw_latin_hypercube(values, samples, &mut random);
                 points.into_iter().map(|point| point.into_iter().map(|part| 2.0 * part - 1.0).collect()).collect()
             }
         })

@@ -1,7 +1,7 @@
 //! Two scene files for one panel.
 
 use super::ask::{HIGHEST_HZ, SAME, TOLERANCE, answers, apart, curves_at, hold, nothing, same};
-use super::spec::{Held, Mass, Support, on, point, scenes, scenes_of};
+use super::spec::{EdgeSupport, Mass, Support, on, point, scenes, scenes_of};
 use era::model::Accuracy;
 use era::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use proptest::prelude::*;
@@ -30,10 +30,10 @@ fn at_one_frequency_a_loss_factor_is_a_dashpot() {
         let at = on(&spec, at);
         // Along a plate's side no dashpots make up for tape, at a bar's end against its slope none.
         if !spec.is_bar {
-            spec.edges = [Held::Free; 4];
+            spec.edges = [EdgeSupport::Free; 4];
         }
         for held in &mut spec.edges {
-            if let Held::Elastic(_, turning, _) = held {
+            if let EdgeSupport::Elastic(_, turning, _) = held {
                 *turning = 0.0;
             }
         }
@@ -44,7 +44,7 @@ fn at_one_frequency_a_loss_factor_is_a_dashpot() {
             support.loss_factor = 0.0;
         }
         for (end, held) in dashpots.edges.iter_mut().take(2).enumerate() {
-            if let Held::Elastic(stiffness, _, loss_factor) = *held {
+            if let EdgeSupport::Elastic(stiffness, _, loss_factor) = *held {
                 let at_mm = [[0.0, spec.size_mm[0]][end], 0.5 * spec.size_mm[1]];
                 dashpots.supports.push(Support {
                     at_mm,
@@ -52,7 +52,7 @@ fn at_one_frequency_a_loss_factor_is_a_dashpot() {
                     damping: viscous(stiffness, loss_factor),
                     loss_factor: 0.0,
                 });
-                *held = Held::Elastic(stiffness, 0.0, 0.0);
+                *held = EdgeSupport::Elastic(stiffness, 0.0, 0.0);
             }
         }
         let (lossy, viscous) = (curves_at(&spec, at, &[hz])?, curves_at(&dashpots, at, &[hz])?);
@@ -76,7 +76,7 @@ fn a_loss_factor_of_nothing_changes_nothing() {
         let at = on(&spec, at);
         spec.supports.iter_mut().for_each(|support| support.loss_factor = 0.0);
         for held in &mut spec.edges {
-            if let Held::Elastic(_, _, loss_factor) = held {
+            if let EdgeSupport::Elastic(_, _, loss_factor) = held {
                 *loss_factor = 0.0;
             }
         }
@@ -118,7 +118,7 @@ fn a_mass_of_nothing_changes_nothing() {
 fn a_strip_cut_off_makes_a_shorter_plate() {
     hold(10, (scenes_of(false), point(), 20.0..150.0_f64), |(mut short, at, strip)| {
         // What held the right edge went with the strip.
-        short.edges[1] = Held::Free;
+        short.edges[1] = EdgeSupport::Free;
         let at = on(&short, at);
         let mut long = short.clone();
         let [length, width] = short.size_mm;

@@ -4,9 +4,9 @@ use super::ask::HIGHEST_HZ;
 use proptest::prelude::*;
 use std::fmt::Write;
 
-/// How a side is held.
+/// How an edge is supported.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Held {
+pub enum EdgeSupport {
     Free,
     Pinned,
     Clamped,
@@ -57,7 +57,7 @@ pub struct Spec {
     /// One of the file's keys, and its value.
     pub damping: (&'static str, f64),
     /// Left, right, top, bottom.
-    pub edges: [Held; 4],
+    pub edges: [EdgeSupport; 4],
     pub supports: Vec<Support>,
     pub masses: Vec<Mass>,
     pub eras: Vec<Era>,
@@ -104,13 +104,13 @@ impl Spec {
         }
         for (side, held) in ["left", "right", "top", "bottom"].into_iter().zip(self.edges) {
             let kind = match held {
-                Held::Free => continue,
-                Held::Pinned => "pinned",
-                Held::Clamped => "clamped",
-                Held::Elastic(..) => "elastic",
+                EdgeSupport::Free => continue,
+                EdgeSupport::Pinned => "pinned",
+                EdgeSupport::Clamped => "clamped",
+                EdgeSupport::Elastic(..) => "elastic",
             };
             let _ = write!(text, "[[edge]]\nside = \"{side}\"\nkind = \"{kind}\"\n");
-            if let Held::Elastic(stiffness, rotational, loss_factor) = held {
+            if let EdgeSupport::Elastic(stiffness, rotational, loss_factor) = held {
                 let keys = if self.is_bar {
                     ["stiffness_n_per_m", "rotational_stiffness_n_m_per_rad"]
                 } else {
@@ -264,7 +264,7 @@ impl Spec {
             _ => 1.0,
         };
         for held in &mut spec.edges {
-            if let Held::Elastic(stiffness, rotational, _) = held {
+            if let EdgeSupport::Elastic(stiffness, rotational, _) = held {
                 let along = if self.is_bar { 1.0 } else { length };
                 *stiffness *= per_length / along;
                 *rotational *= per_length * length * length / along;
@@ -324,12 +324,12 @@ fn damping() -> impl Strategy<Value = (&'static str, f64)> {
     ]
 }
 
-fn held() -> impl Strategy<Value = Held> {
+fn held() -> impl Strategy<Value = EdgeSupport> {
     prop_oneof![
-        6 => Just(Held::Free),
-        1 => Just(Held::Pinned),
-        1 => Just(Held::Clamped),
-        1 => (decades(2.0, 7.0), decades(-1.0, 3.0)).prop_map(|(k, turning)| Held::Elastic(k, turning, loss(k, turning))),
+        6 => Just(EdgeSupport::Free),
+        1 => Just(EdgeSupport::Pinned),
+        1 => Just(EdgeSupport::Clamped),
+        1 => (decades(2.0, 7.0), decades(-1.0, 3.0)).prop_map(|(k, turning)| EdgeSupport::Elastic(k, turning, loss(k, turning))),
     ]
 }
 
@@ -379,7 +379,8 @@ pub fn scenes_of(is_bar: bool) -> impl Strategy<Value = Spec> {
         move |((length, width), thickness_mm, (young, poisson, density), damping, edges, (supports, masses, eras))| {
             let at = |x: f64, y: f64| [x * length, if is_bar { 0.5 * width } else { y * width }];
             let [left, right, top, bottom] = edges;
-            let edges = if is_bar { [left, right, Held::Free, Held::Free] } else { [left, right, top, bottom] };
+            let edges =
+                if is_bar { [left, right, EdgeSupport::Free, EdgeSupport::Free] } else { [left, right, top, bottom] };
             let numbered = |(i, (x, y, (inertial, moving_g, hz, ratio, housing_g))): (usize, PlacedEra)| {
                 let stiffness = moving_g * 1e-3 * (std::f64::consts::TAU * hz).powi(2);
                 Era {

@@ -29,12 +29,12 @@ pub struct Trial {
     /// Scene, touch, place in mm and intensity, for messages.
     pub name: String,
     /// What came of it.
-    pub outcome: Outcome,
+    pub outcome: TrialOutcome,
 }
 
 /// What came of a touch.
 #[derive(Debug)]
-pub enum Outcome {
+pub enum TrialOutcome {
     /// Both figures, and, if they differ by more than is allowed, why.
     Compared { comparison: Box<SimulationComparison>, reason: Option<String> },
     /// The planner has no plan, or the plan has no steady motion to compare, which it does not claim to have.
@@ -58,17 +58,17 @@ impl Trial {
     /// The figures, if it was compared.
     pub fn comparison(&self) -> Option<&SimulationComparison> {
         match &self.outcome {
-            Outcome::Compared { comparison, .. } => Some(comparison),
-            Outcome::NotCompared(_) | Outcome::Failed(_) => None,
+            TrialOutcome::Compared { comparison, .. } => Some(comparison),
+            TrialOutcome::NotCompared(_) | TrialOutcome::Failed(_) => None,
         }
     }
 
     /// Why it does not pass, if it does not.
     pub fn failure_reason(&self) -> Option<&str> {
         match &self.outcome {
-            Outcome::Compared { reason, .. } => reason.as_deref(),
-            Outcome::Failed(reason) => Some(reason),
-            Outcome::NotCompared(_) => None,
+            TrialOutcome::Compared { reason, .. } => reason.as_deref(),
+            TrialOutcome::Failed(reason) => Some(reason),
+            TrialOutcome::NotCompared(_) => None,
         }
     }
 }
@@ -97,12 +97,12 @@ pub fn try_scene(seed: u64, scene_number: u64, touches: u32) -> Vec<Trial> {
                     .ok()
                 };
                 let reason = (verdict_on(&comparison) == Verdict::Outside).then(|| find_reason(&comparison, finer));
-                Outcome::Compared { comparison: Box::new(comparison), reason }
+                TrialOutcome::Compared { comparison: Box::new(comparison), reason }
             }
             Err(error @ (VerifyError::NeverSettles | VerifyError::Nothing | VerifyError::Plan(_))) => {
-                Outcome::NotCompared(error.to_string())
+                TrialOutcome::NotCompared(error.to_string())
             }
-            Err(error) => Outcome::Failed(error.to_string()),
+            Err(error) => TrialOutcome::Failed(error.to_string()),
         };
         let (x_mm, y_mm) = (x_m * 1e3, y_m * 1e3);
         let name =
@@ -188,7 +188,7 @@ impl<'a> Tally<'a> {
         let of = |wanted: Verdict| {
             trials.iter().filter_map(Trial::comparison).filter(|comparison| verdict_on(comparison) == wanted).collect()
         };
-        let failed = trials.iter().filter(|trial| matches!(trial.outcome, Outcome::Failed(_))).count();
+        let failed = trials.iter().filter(|trial| matches!(trial.outcome, TrialOutcome::Failed(_))).count();
         Self { within: of(Verdict::Within), outside: of(Verdict::Outside), apart: of(Verdict::BoundTooLarge), failed }
     }
 

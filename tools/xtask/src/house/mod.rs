@@ -9,7 +9,8 @@
 //! above that of the other, at any distance. All other imports make a graph, and each of its strongly connected
 //! components of more than one file is a **circle**.
 //!
-//! The folders of the daemon use each other in one direction ([`order::DAEMON`]); an import against it is an error, too.
+//! The folders of the daemon, of the planner and of the studies use each other in one direction ([`order::ORDERS`]); an import against it is an
+//! error, too.
 //!
 //! Why not `cargo modules dependencies --acyclic`: cargo-modules 0.27 looks for circles in the graph of modules *and* items with the
 //! edges from parent to child in it, so that it stops at the first `use super::Thing`; and modules that import items of each other
@@ -31,8 +32,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use survey::Survey;
 
-/// The crate whose daemon has an order.
-const HOST: &str = "era-host";
 /// The crate that has a workspace of its own.
 const APART: &str = "firmware";
 /// Folders without sources.
@@ -73,9 +72,8 @@ pub fn survey_crates_failing_on_import_cycles_or_folder_order() -> Result<(), Er
     for (name, survey) in survey_each_crate(&repository_root()?)? {
         print!("{}", describe_survey_findings_if_any(&name, &survey));
         circles += survey.circles.len();
-        if name == HOST {
-            breaches = order::DAEMON.find_order_breaches(&survey.imports);
-        }
+        let orders = order::ORDERS.iter().filter(|order| order.crate_name == name);
+        breaches.extend(orders.flat_map(|order| order.find_order_breaches(&survey.imports)));
     }
     println!("{circles} circles between files");
     if !breaches.is_empty() {

@@ -1,8 +1,8 @@
 //! Crates made up in memory, and the checkout itself.
 
-use super::order::DAEMON;
+use super::order::{DAEMON, FolderOrder, ORDERS};
 use super::survey::Survey;
-use super::{HOST, describe_survey_findings_if_any, survey_each_crate};
+use super::{describe_survey_findings_if_any, survey_each_crate};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -183,12 +183,17 @@ fn an_import_against_the_order_of_folders_is_named() {
     assert_eq!(breaches("use crate::daemon::new::New;"), ["daemon/api/problem.rs -> daemon/new.rs"]);
 }
 
+/// Of each order, its most basic entry is used, and nothing is used against the order.
 #[test]
-fn folders_of_the_daemon_use_each_other_in_one_direction() {
+fn folders_use_each_other_in_one_direction() {
     let all = survey_each_crate(&crate::repository_root().unwrap()).unwrap();
-    let host = all.iter().find(|(name, _)| name == HOST).unwrap();
-    assert!(host.1.imports.keys().any(|file| file.starts_with("daemon/http/")));
-    assert_eq!(DAEMON.find_order_breaches(&host.1.imports), [""; 0]);
+    for order in ORDERS {
+        let survey = &all.iter().find(|(name, _)| name == order.crate_name).unwrap().1;
+        assert_eq!(order.find_order_breaches(&survey.imports), [""; 0], "{}", order.crate_name);
+        let reversed: Vec<&'static str> = order.entries.iter().rev().copied().collect();
+        let against = FolderOrder { entries: reversed.leak(), ..order };
+        assert!(against.find_order_breaches(&survey.imports).len() > 5, "{}: no import is seen", order.crate_name);
+    }
 }
 
 /// Every crate is read, and every file of a `src` is led to: otherwise its imports would be missing.

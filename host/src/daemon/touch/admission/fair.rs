@@ -134,14 +134,14 @@ mod tests {
     }
 
     #[derive(Clone, Copy, Debug)]
-    enum Step {
+    enum FairStep {
         Join(u8),
         Next,
         Leave(u8),
     }
 
-    fn step() -> impl Strategy<Value = Step> {
-        prop_oneof![4 => (0..4_u8).prop_map(Step::Join), 2 => Just(Step::Next), 1 => any::<u8>().prop_map(Step::Leave)]
+    fn step() -> impl Strategy<Value = FairStep> {
+        prop_oneof![4 => (0..4_u8).prop_map(FairStep::Join), 2 => Just(FairStep::Next), 1 => any::<u8>().prop_map(FairStep::Leave)]
     }
 
     /// One list in the order of arrival, and when each client was served last or came: who has waited longest for that is next.
@@ -201,7 +201,7 @@ mod tests {
             let mut tickets = Vec::new();
             for (item, step) in (0..).zip(steps) {
                 match step {
-                    Step::Join(client) => {
+                    FairStep::Join(client) => {
                         let wanted = model.join(client, item, most);
                         match fair.join_queue_displacing_from_busiest_client(client, item) {
                             Ok(JoinedQueue { ticket, pushed_out }) => {
@@ -211,8 +211,8 @@ mod tests {
                             Err(refused) => prop_assert_eq!((wanted, refused), (Err(()), item)),
                         }
                     }
-                    Step::Next => prop_assert_eq!(fair.take_item_of_next_client_in_turn(), model.next()),
-                    Step::Leave(which) => {
+                    FairStep::Next => prop_assert_eq!(fair.take_item_of_next_client_in_turn(), model.next()),
+                    FairStep::Leave(which) => {
                         let Some((ticket, item)) = tickets.get(usize::from(which) % tickets.len().max(1)).copied() else {
                             continue;
                         };

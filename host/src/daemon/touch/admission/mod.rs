@@ -51,11 +51,11 @@ struct KnownRequest {
     /// As that client calls it.
     name: Option<String>,
     arrived: Instant,
-    outcome: Option<Outcome>,
+    outcome: Option<AnswerInMemory>,
 }
 
 #[derive(Debug)]
-struct Outcome {
+struct AnswerInMemory {
     at: Instant,
     result: Result<Value, Problem>,
 }
@@ -157,7 +157,7 @@ impl Admission {
     pub fn record_outcome(&self, id: u64, result: Result<Value, Problem>) {
         let mut known = self.lock_known_requests();
         if let Some(known) = known.iter_mut().find(|known| known.id == id) {
-            known.outcome = Some(Outcome { at: Instant::now(), result });
+            known.outcome = Some(AnswerInMemory { at: Instant::now(), result });
         }
     }
 
@@ -198,7 +198,7 @@ impl Admission {
             acceleration_peak_g: None,
             problem: None,
         };
-        if let Some(Outcome { at, result }) = &known.outcome {
+        if let Some(AnswerInMemory { at, result }) = &known.outcome {
             told.took_ms = Some(ms(*at));
             (told.state, told.status) = match result {
                 Ok(_) => ("done", Some(200)),

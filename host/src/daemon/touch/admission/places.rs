@@ -123,7 +123,7 @@ mod tests {
     const MOST: usize = 5;
 
     #[derive(Clone, Copy, Debug)]
-    enum Step {
+    enum PlaceStep {
         Ask(usize),
         /// One that has been woken, as an executor does.
         Poll(usize),
@@ -131,12 +131,12 @@ mod tests {
         GiveBack(usize),
     }
 
-    fn step() -> impl Strategy<Value = Step> {
+    fn step() -> impl Strategy<Value = PlaceStep> {
         prop_oneof![
-            3 => (0..3_usize).prop_map(Step::Ask),
-            2 => any::<usize>().prop_map(Step::Poll),
-            1 => any::<usize>().prop_map(Step::HangUp),
-            2 => any::<usize>().prop_map(Step::GiveBack),
+            3 => (0..3_usize).prop_map(PlaceStep::Ask),
+            2 => any::<usize>().prop_map(PlaceStep::Poll),
+            1 => any::<usize>().prop_map(PlaceStep::HangUp),
+            2 => any::<usize>().prop_map(PlaceStep::GiveBack),
         ]
     }
 
@@ -185,22 +185,22 @@ mod tests {
             };
             for step in steps {
                 match step {
-                    Step::Ask(client) => {
+                    PlaceStep::Ask(client) => {
                         let mut asked = Asking::new(&places, client);
                         if !ready(&mut asked, &mut held) {
                             asking.push(asked);
                         }
                     }
-                    Step::Poll(which) => {
+                    PlaceStep::Poll(which) => {
                         let woken: Vec<usize> = (0..asking.len()).filter(|i| asking[*i].is_woken()).collect();
                         if let Some(i) = woken.get(which % woken.len().max(1)).copied() {
                             prop_assert!(ready(&mut asking[i], &mut held));
                             drop(asking.remove(i));
                         }
                     }
-                    Step::HangUp(which) if !asking.is_empty() => drop(asking.remove(which % asking.len())),
-                    Step::GiveBack(which) if !held.is_empty() => drop(held.remove(which % held.len())),
-                    Step::HangUp(_) | Step::GiveBack(_) => {}
+                    PlaceStep::HangUp(which) if !asking.is_empty() => drop(asking.remove(which % asking.len())),
+                    PlaceStep::GiveBack(which) if !held.is_empty() => drop(held.remove(which % held.len())),
+                    PlaceStep::HangUp(_) | PlaceStep::GiveBack(_) => {}
                 }
                 prop_assert!(held.len() <= PLACES && places.count_waiting_requests() <= MOST);
                 let asleep = asking.iter().filter(|asked| !asked.is_woken()).count();

@@ -1,0 +1,22 @@
+//! Latin hypercubes: samples that cover each dimension evenly.
+
+use era_model::scene::random::RandomSequence;
+
+/// So many points of which each has a part of every dimension for itself, in a place of its own within that part.
+#[must_use]
+#[expect(clippy::cast_precision_loss, reason = "counts of designs")]
+pub fn draw_latin_hypercube(dimensions: usize, count: usize, random: &mut RandomSequence) -> Vec<Vec<f64>> {
+    let mut points = vec![Vec::with_capacity(dimensions); count];
+    for _ in 0..dimensions {
+        let mut order: Vec<usize> = (0..count).collect();
+        // Fisher and Yates.
+        for last in (1..count).rev() {
+            let other = u32::try_from(last + 1).map_or(0, |below| random.next_below(below) as usize);
+            order.swap(last, other);
+        }
+        for (point, part) in points.iter_mut().zip(order) {
+            point.push((part as f64 + random.next_unit_number()) / count as f64);
+        }
+    }
+    points
+}
