@@ -1,4 +1,7 @@
 //! Panels at random, as scene files: the parser is part of what is tried.
+//!
+//! Why here, although only tests and `tools/bench` write scenes: the tests of model, planner, host and bench need the same scenes, a crate of its
+//! own would have one file, and the sequence below is the product's, which studies and tolerances draw from. The writer has 150 lines.
 
 use std::fmt::Write;
 

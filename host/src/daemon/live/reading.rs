@@ -10,7 +10,7 @@ use crate::daemon::api::problem::Problem;
 use crate::daemon::app::App;
 use crate::daemon::touch::Touch;
 use crate::daemon::touch::check::CheckedFinger;
-use crate::daemon::touch::request::{Finger, RequestedHaptics};
+use crate::daemon::touch::request::RequestedHaptics;
 use crate::effects::NamedEffect;
 use crate::planner::click::Preference;
 use futures_util::FutureExt;
@@ -176,8 +176,7 @@ impl PageReader {
         ids_down.extend(self.controls.list_ids_of_fingers_on_or_detached_from_controls());
         let CheckedFingers { fingers: mut down, problems } = message.check_fingers(&self.app.table.scene, &ids_down);
         problems.iter().for_each(|problem| self.queue_error_message_to_page(problem));
-        let places: Vec<Finger> = down.iter().map(|checked| checked.finger).collect();
-        let felt = self.controls.update_fingers_lifting_absent(&places, Instant::now(), stops);
+        let felt = self.controls.update_fingers_lifting_absent(&down, Instant::now(), stops);
         down.retain(|checked| felt.outside.contains(&checked.finger.id));
         loop {
             let own_effect =
@@ -214,11 +213,7 @@ impl PageReader {
     /// Has fingers outside of the controls driven, and what those on controls feel.
     fn queue_fingers_and_what_is_felt(&self, outside: Touch, felt: Felt, stop_count: u64) -> Result<(), Problem> {
         // As for fingers without controls: while one has an effect, nothing else vibrates.
-        let on_textures = if outside.haptics.effect.is_none() {
-            self.check_fingers_leaving_out_invalid(felt.textures)
-        } else {
-            Vec::new()
-        };
+        let on_textures = if outside.haptics.effect.is_none() { felt.textures } else { Vec::new() };
         let ids: Vec<i64> = on_textures.iter().map(|checked| checked.finger.id).collect();
         let steady = if on_textures.is_empty() {
             outside
@@ -243,14 +238,10 @@ impl PageReader {
         if cause == ClickCause::Release {
             (haptics.crisp_ms, haptics.prefer) = (Some(RELEASE_CRISP_MS), Some(Preference::Crispness));
         }
-        let clicking = self.check_fingers_leaving_out_invalid(fingers);
-        if clicking.is_empty() {
-            return Ok(());
-        }
-        let ids: Vec<i64> = clicking.iter().map(|checked| checked.finger.id).collect();
+        let ids: Vec<i64> = fingers.iter().map(|checked| checked.finger.id).collect();
         let others: Vec<i64> = steady.fingers.iter().map(|finger| finger.id).filter(|id| !ids.contains(id)).collect();
         let touch =
-            Touch::from_fingers(&clicking, haptics)?.with_added_fingers_of(&steady.clone().keep_only_fingers(&others));
+            Touch::from_fingers(&fingers, haptics)?.with_added_fingers_of(&steady.clone().keep_only_fingers(&others));
         self.fingers.queue_control_click_with_error_if_oldest_step_dropped(
             touch,
             ids,
@@ -259,17 +250,12 @@ impl PageReader {
         )
     }
 
-    /// Fingers that have been checked before, with the strength that they feel.
-    fn check_fingers_leaving_out_invalid(&self, fingers: Vec<Finger>) -> Vec<CheckedFinger> {
-        fingers.into_iter().filter_map(|finger| finger.check_on_scene(&self.app.table.scene).ok()).collect()
-    }
-
     /// Where nothing new is driven: ends the drive of all fingers but those that still have one, and plays what is felt of those that were lifted.
     fn queue_felt_click_and_lift_fingers_without_drive(&self, felt: Felt, stop_count: u64) {
         if let Some(click) = felt.click {
             let _ = self.queue_click(click, &Touch::without_fingers(), stop_count);
         }
-        let on_textures = felt.textures.iter().map(|finger| finger.id);
+        let on_textures = felt.textures.iter().map(|checked| checked.finger.id);
         let ids: Vec<i64> = felt.outside.iter().copied().chain(on_textures).collect();
         // What is lifted takes nobody's place.
         let _ = self.fingers.lift_all_except_with_error_if_oldest_step_dropped(&ids, stop_count);

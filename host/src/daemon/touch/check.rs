@@ -48,7 +48,7 @@ pub enum DriveMode {
 }
 
 /// A finger whose place and strength have been checked.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CheckedFinger {
     /// The finger.
     pub finger: Finger,

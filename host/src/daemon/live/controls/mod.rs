@@ -10,7 +10,9 @@ mod speed;
 
 pub use declaration::{Control, DeclaredControl, FIELD_RANGES, MOST_CONTROLS, check_controls};
 
+use crate::daemon::touch::check::CheckedFinger;
 use crate::daemon::touch::request::Finger;
+use crate::planner::Target;
 use contact::{Contact, EdgeTracker};
 use declaration::Shape;
 use std::time::Instant;
@@ -28,7 +30,7 @@ pub struct PageControls {
 /// A finger that is down, and where it was last.
 #[derive(Debug)]
 struct PageFinger {
-    finger: Finger,
+    checked: CheckedFinger,
     role: FingerRole,
 }
 
@@ -51,7 +53,7 @@ pub struct Felt {
     /// Numbers of the fingers that are driven as if there were no controls.
     pub outside: Vec<i64>,
     /// Fingers on textures that vibrate, with the peak of each.
-    pub textures: Vec<Finger>,
+    pub textures: Vec<CheckedFinger>,
     /// The click that begins now, if one does.
     pub click: Option<FeltClick>,
 }
@@ -60,7 +62,7 @@ pub struct Felt {
 #[derive(Debug, PartialEq)]
 pub struct FeltClick {
     /// The fingers that it is for, with the peak of each.
-    pub fingers: Vec<Finger>,
+    pub fingers: Vec<CheckedFinger>,
     /// Why.
     pub cause: ClickCause,
 }
@@ -80,7 +82,7 @@ impl PageControls {
     /// Puts others in the place of all controls. Fingers stay on those that are there again.
     pub fn replace_controls(&mut self, controls: Vec<Control>) {
         self.controls = controls;
-        for PageFinger { finger, role } in &mut self.fingers {
+        for PageFinger { checked, role } in &mut self.fingers {
             match role {
                 FingerRole::On(contact) => {
                     match self.controls.iter().find(|control| control.shape == contact.control.shape) {
@@ -88,42 +90,43 @@ impl PageControls {
                         None => *role = FingerRole::Nothing,
                     }
                 }
-                FingerRole::Free { edges, .. } => *edges = track_edges(&self.controls, finger),
+                FingerRole::Free { edges, .. } => *edges = track_edges(&self.controls, &checked.finger),
                 FingerRole::Own | FingerRole::Nothing => {}
             }
         }
     }
 
     /// What the fingers feel that are down now; all others are lifted. `stop_count` is how often everything has been stopped until now.
-    pub fn update_fingers_lifting_absent(&mut self, fingers: &[Finger], now: Instant, stop_count: u64) -> Felt {
+    pub fn update_fingers_lifting_absent(&mut self, fingers: &[CheckedFinger], now: Instant, stop_count: u64) -> Felt {
         if stop_count != self.stops {
             self.stops = stop_count;
             self.detach_fingers_from_controls_after_stop();
         }
-        let mut clicks: Vec<(ClickCause, Finger)> = Vec::new();
-        let is_down = |known: &PageFinger| fingers.iter().any(|finger| finger.id == known.finger.id);
+        let mut clicks: Vec<(ClickCause, CheckedFinger)> = Vec::new();
+        let is_down = |known: &PageFinger| fingers.iter().any(|down| down.finger.id == known.checked.finger.id);
         for lifted in self.fingers.extract_if(.., |known| !is_down(known)) {
             if let FingerRole::On(contact) = &lifted.role
-                && let Some(peak_g) = contact
-                    .find_release_click_g_if_button_or_toggle_and_still_on_it(lifted.finger.x_px, lifted.finger.y_px)
+                && let Finger { x_px, y_px, .. } = lifted.checked.finger
+                && let Some(peak_g) = contact.find_release_click_g_if_button_or_toggle_and_still_on_it(x_px, y_px)
             {
-                clicks.push((ClickCause::Release, with_peak(lifted.finger, peak_g)));
+                clicks.push((ClickCause::Release, with_peak(lifted.checked, peak_g)));
             }
         }
         let mut felt = Felt::default();
-        for finger in fingers {
-            let click = match self.fingers.iter_mut().find(|known| known.finger.id == finger.id) {
-                Some(known) => known.move_and_find_click_g(*finger, now).map(|peak_g| (ClickCause::Move, peak_g)),
-                None => self.put_finger_down_and_find_click_g(*finger, now).map(|peak_g| (ClickCause::Press, peak_g)),
+        for checked in fingers {
+            let click = match self.fingers.iter_mut().find(|known| known.checked.finger.id == checked.finger.id) {
+                Some(known) => known.move_and_find_click_g(*checked, now).map(|peak_g| (ClickCause::Move, peak_g)),
+                None => self.put_finger_down_and_find_click_g(*checked, now).map(|peak_g| (ClickCause::Press, peak_g)),
             };
-            clicks.extend(click.map(|(cause, peak_g)| (cause, with_peak(*finger, peak_g))));
+            clicks.extend(click.map(|(cause, peak_g)| (cause, with_peak(*checked, peak_g))));
         }
-        for PageFinger { finger, role } in &self.fingers {
+        for PageFinger { checked, role } in &self.fingers {
+            let finger = &checked.finger;
             if role.is_driven_as_if_there_were_no_controls() {
                 felt.outside.push(finger.id);
             } else if let FingerRole::On(contact) = role {
                 let peak_g = contact.find_texture_g_at_present_speed_if_felt(finger.x_px, finger.y_px);
-                felt.textures.extend(peak_g.map(|peak_g| with_peak(*finger, peak_g)));
+                felt.textures.extend(peak_g.map(|peak_g| with_peak(*checked, peak_g)));
             }
         }
         felt.click = merge_clicks_of_most_important_cause(clicks);
@@ -132,13 +135,13 @@ impl PageControls {
 
     /// The same where none of the fingers moves, and all but those with these numbers are lifted.
     pub fn lift_all_except(&mut self, ids: &[i64], now: Instant, stop_count: u64) -> Felt {
-        let kept: Vec<Finger> = self.list_fingers().filter(|finger| ids.contains(&finger.id)).collect();
+        let kept: Vec<CheckedFinger> = self.list_fingers().filter(|down| ids.contains(&down.finger.id)).collect();
         self.update_fingers_lifting_absent(&kept, now, stop_count)
     }
 
     /// The same where all fingers stay where they are.
     pub fn update_felt_with_fingers_unmoved(&mut self, now: Instant, stop_count: u64) -> Felt {
-        let all: Vec<Finger> = self.list_fingers().collect();
+        let all: Vec<CheckedFinger> = self.list_fingers().collect();
         self.update_fingers_lifting_absent(&all, now, stop_count)
     }
 
@@ -157,17 +160,18 @@ impl PageControls {
         self.fingers
             .iter()
             .filter(|known| !known.role.is_driven_as_if_there_were_no_controls())
-            .map(|known| known.finger.id)
+            .map(|known| known.checked.finger.id)
     }
 
-    fn list_fingers(&self) -> impl Iterator<Item = Finger> {
-        self.fingers.iter().map(|known| known.finger)
+    fn list_fingers(&self) -> impl Iterator<Item = CheckedFinger> {
+        self.fingers.iter().map(|known| known.checked)
     }
 
-    fn put_finger_down_and_find_click_g(&mut self, finger: Finger, now: Instant) -> Option<f64> {
+    fn put_finger_down_and_find_click_g(&mut self, checked: CheckedFinger, now: Instant) -> Option<f64> {
+        let finger = &checked.finger;
         let top = self.controls.iter_mut().rfind(|control| control.contains(finger.x_px, finger.y_px));
         let is_outside = top.is_none();
-        let contact = top.filter(|_| !has_own_effect_or_intensity(&finger)).and_then(|control| {
+        let contact = top.filter(|_| !has_own_effect_or_intensity(finger)).and_then(|control| {
             if let Shape::Toggle(_) = control.shape {
                 control.is_on = !control.is_on;
             }
@@ -175,11 +179,11 @@ impl PageControls {
         });
         let click_g = contact.as_ref().and_then(Contact::find_press_click_g_if_button_or_toggle);
         let role = match contact {
-            _ if has_own_effect_or_intensity(&finger) => FingerRole::Own,
+            _ if has_own_effect_or_intensity(finger) => FingerRole::Own,
             Some(contact) => FingerRole::On(contact),
-            None => FingerRole::Free { is_outside, edges: track_edges(&self.controls, &finger) },
+            None => FingerRole::Free { is_outside, edges: track_edges(&self.controls, finger) },
         };
-        self.fingers.push(PageFinger { finger, role });
+        self.fingers.push(PageFinger { checked, role });
         click_g
     }
 
@@ -199,9 +203,10 @@ impl FingerRole {
 }
 
 impl PageFinger {
-    fn move_and_find_click_g(&mut self, finger: Finger, now: Instant) -> Option<f64> {
-        self.finger = finger;
-        if has_own_effect_or_intensity(&finger) {
+    fn move_and_find_click_g(&mut self, checked: CheckedFinger, now: Instant) -> Option<f64> {
+        self.checked = checked;
+        let finger = &checked.finger;
+        if has_own_effect_or_intensity(finger) {
             self.role = FingerRole::Own;
         }
         match &mut self.role {
@@ -228,15 +233,16 @@ fn track_edges(controls: &[Control], finger: &Finger) -> Vec<EdgeTracker> {
     controls.iter().filter_map(|control| EdgeTracker::new(control, finger.x_px, finger.y_px)).collect()
 }
 
-const fn with_peak(finger: Finger, peak_g: f64) -> Finger {
-    Finger { intensity_g: Some(peak_g), ..finger }
+const fn with_peak(checked: CheckedFinger, peak_g: f64) -> CheckedFinger {
+    let intensity_g = Some(peak_g);
+    CheckedFinger { finger: Finger { intensity_g, ..checked.finger }, target: Target { intensity_g, ..checked.target } }
 }
 
 /// The panel plays one thing at a time: the click of the first cause, for all fingers that have it. One without strength is none.
-fn merge_clicks_of_most_important_cause(mut clicks: Vec<(ClickCause, Finger)>) -> Option<FeltClick> {
-    clicks.retain(|(_, finger)| finger.intensity_g > Some(0.0));
+fn merge_clicks_of_most_important_cause(mut clicks: Vec<(ClickCause, CheckedFinger)>) -> Option<FeltClick> {
+    clicks.retain(|(_, checked)| checked.finger.intensity_g > Some(0.0));
     let cause = clicks.iter().map(|(cause, _)| *cause).min()?;
-    let fingers = clicks.into_iter().filter(|(other, _)| *other == cause).map(|(_, finger)| finger).collect();
+    let fingers = clicks.into_iter().filter(|(other, _)| *other == cause).map(|(_, checked)| checked).collect();
     Some(FeltClick { fingers, cause })
 }
 

@@ -18,6 +18,12 @@ fn make_finger(id: i64, x_px: f64) -> Finger {
     Finger { id, x_px, y_px: 150.0, intensity_g: None, effect: None }
 }
 
+/// The finger on a surface on which a pixel is a millimetre.
+fn attach_target(finger: Finger) -> CheckedFinger {
+    let Finger { x_px, y_px, intensity_g, .. } = finger;
+    CheckedFinger { finger, target: Target { x_m: x_px / 1e3, y_m: y_px / 1e3, intensity_g } }
+}
+
 /// A page whose messages come every 16 ms.
 struct Page {
     controls: PageControls,
@@ -34,7 +40,8 @@ impl Page {
 
     fn move_fingers_after_16_ms(&mut self, fingers: &[Finger]) -> Felt {
         self.now += Duration::from_millis(16);
-        self.controls.update_fingers_lifting_absent(fingers, self.now, self.stops)
+        let checked: Vec<CheckedFinger> = fingers.iter().map(|finger| attach_target(*finger)).collect();
+        self.controls.update_fingers_lifting_absent(&checked, self.now, self.stops)
     }
 
     /// The click of a message with these fingers: its cause, and of each of its fingers the number and the peak.
@@ -43,7 +50,20 @@ impl Page {
         fingers: &[Finger],
     ) -> Option<(ClickCause, Vec<(i64, f64)>)> {
         let FeltClick { fingers, cause } = self.move_fingers_after_16_ms(fingers).click?;
-        Some((cause, fingers.iter().map(|finger| (finger.id, finger.intensity_g.unwrap())).collect()))
+        Some((
+            cause,
+            fingers
+                .iter()
+                .map(|CheckedFinger { finger, target }| {
+                    assert_eq!(
+                        (target.intensity_g, target.x_m),
+                        (finger.intensity_g, finger.x_px / 1e3),
+                        "the planner's is another"
+                    );
+                    (finger.id, finger.intensity_g.unwrap())
+                })
+                .collect(),
+        ))
     }
 }
 
@@ -54,7 +74,7 @@ fn a_button_is_felt_when_it_is_pressed_and_released() {
     assert_eq!(page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 150.0)]), press);
     assert_eq!(page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 190.0)]), None);
     let felt = page.move_fingers_after_16_ms(&[]).click.unwrap();
-    assert_eq!((felt.cause, felt.fingers[0].x_px), (ClickCause::Release, 190.0), "where it was lifted");
+    assert_eq!((felt.cause, felt.fingers[0].finger.x_px), (ClickCause::Release, 190.0), "where it was lifted");
     // One that has left the button feels nothing more, ...
     assert_eq!(page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 150.0)]), press);
     assert_eq!(
@@ -167,7 +187,7 @@ fn a_texture_ends_when_its_finger_rests() {
     );
     let peaks: Vec<f64> = (1..=20)
         .flat_map(|i| page.move_fingers_after_16_ms(&[make_finger(1, 110.0 + 4.0 * f64::from(i))]).textures)
-        .map(|it| it.intensity_g.unwrap())
+        .map(|it| it.finger.intensity_g.unwrap())
         .collect();
     // 4 px in 16 ms are half of its speed.
     assert!(peaks.len() >= 19 && peaks.is_sorted() && (0.24..=0.25).contains(peaks.last().unwrap()), "{peaks:?}");
@@ -226,7 +246,7 @@ fn a_finger_that_is_down_at_a_stop_feels_nothing_more() {
         make_finger(4, 150.0),
     ]);
     assert_eq!(
-        (felt.outside.as_slice(), felt.click.unwrap().fingers[0].id),
+        (felt.outside.as_slice(), felt.click.unwrap().fingers[0].finger.id),
         (&[2][..], 4),
         "one that comes then is new"
     );
@@ -299,7 +319,7 @@ proptest! {
             let felt = plain.move_fingers_after_16_ms(&down);
             prop_assert!(felt.click.is_none() && felt.textures.is_empty() && felt.outside.len() == down.len());
             let Some(FeltClick { fingers, cause }) = page.move_fingers_after_16_ms(&down).click else { continue };
-            prop_assert_eq!(fingers.iter().map(|one| one.id).collect::<Vec<_>>(), [id]);
+            prop_assert_eq!(fingers.iter().map(|one| one.finger.id).collect::<Vec<_>>(), [id]);
             match cause {
                 ClickCause::Press => {
                     prop_assert!(is_new && is_down);
