@@ -4,7 +4,7 @@
 //! would see the same place of every lump at a drive of 500 Hz or 1 kHz, and be wrong by up to a half. ADC2 therefore converts without a pause
 //! and adds 64 conversions of 15.4 us in hardware (RM0440, oversampler): each result is the mean of 0.98 ms.
 
-use crate::sense::{calibrate_converter, enable_converter};
+use crate::sense::{enable_converter, power_up_and_calibrate_converter};
 use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_stm32::pac::ADC2;
 use embassy_stm32::pac::adc::vals::{Ovrmod, SampleTime};
@@ -25,10 +25,10 @@ const LONGEST_AGE_US: u32 = 3_000;
 static RESULT: AtomicU32 = AtomicU32::new(0);
 static TAKEN_US: AtomicU32 = AtomicU32::new(0);
 
-/// Calibrates and starts the converter. If it does not follow, the current is unknown. To be called once, after `sense::init_adc`, which
+/// Calibrates and starts the converter. If it does not follow, the current is unknown. To be called once, after `sense::init_adcs_of_rails_loops_earth_bond_and_reference`, which
 /// sets the clock of both converters.
 pub fn init_average_current() {
-    calibrate_converter(ADC2);
+    power_up_and_calibrate_converter(ADC2);
     ADC2.smpr().modify(|w| w.set_smp(usize::from(INPUT), SampleTime::CYCLES640_5));
     ADC2.cfgr().modify(|w| {
         w.set_cont(true);

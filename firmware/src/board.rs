@@ -58,7 +58,7 @@ impl Stm32Board {
     /// The board, with everything off.
     pub fn new(mut info: BoardInfo, lasting_fault: Option<FaultFinding>) -> Self {
         info.channels = core::iter::repeat_n(CHANNEL_LIMITS, CHANNELS).collect();
-        outputs::force_electrodes_and_supply_off();
+        outputs::force_outputs_off_withdraw_permit_and_stop_timers();
         Self {
             info,
             started_us: 0,
@@ -71,7 +71,7 @@ impl Stm32Board {
     }
 
     /// Whether a channel's counter has moved since the last check.
-    fn has_counter_moved(&mut self, channel: usize) -> bool {
+    fn has_counter_moved_since_last_check_or_within_two_ticks(&mut self, channel: usize) -> bool {
         let (Some(last), Some(period)) = (self.counts.get_mut(channel), self.loaded.get(channel)) else {
             return false;
         };
@@ -94,8 +94,10 @@ impl Stm32Board {
     }
 
     /// What is wrong with the board itself now.
-    fn find_standing_fault(&mut self) -> Option<FaultFinding> {
-        if let Some(finding) = self.lasting_fault.or_else(|| self.clock_check.find_fault()) {
+    fn find_startup_clock_or_permit_fault(&mut self) -> Option<FaultFinding> {
+        if let Some(finding) =
+            self.lasting_fault.or_else(|| self.clock_check.look_if_due_and_find_lasting_clock_fault())
+        {
             return Some(finding);
         }
         if !clock_check::is_time_base_prescaler_intact() {
@@ -111,7 +113,7 @@ impl Stm32Board {
         })
     }
 
-    fn inspect_timers_and_trip_circuits(&mut self) -> Result<(), FaultFinding> {
+    fn check_timers_count_and_trip_settings_hold(&mut self) -> Result<(), FaultFinding> {
         if !comparators::are_all_settings_intact() {
             return Err((FaultCode::ReadBack, DETAIL_COMPARATORS));
         }
@@ -123,7 +125,7 @@ impl Stm32Board {
             return Err(breaks::find_trip_cause_or_assume_over_current());
         }
         for (channel, number) in (0..CHANNELS).zip(0..) {
-            if !timers::is_counting(channel) || !self.has_counter_moved(channel) {
+            if !timers::is_counting(channel) || !self.has_counter_moved_since_last_check_or_within_two_ticks(channel) {
                 return Err((FaultCode::TimerStopped, number));
             }
             let loaded =
@@ -146,7 +148,7 @@ impl Board for Stm32Board {
     }
 
     fn switch_outputs_off(&mut self) {
-        outputs::force_electrodes_and_supply_off();
+        outputs::force_outputs_off_withdraw_permit_and_stop_timers();
         self.connected = false;
     }
 
@@ -154,13 +156,15 @@ impl Board for Stm32Board {
         let measured = sense::measure_rails_loops_earth_bond_and_reference();
         let [interlock_millivolts, stop_millivolts] = measured.loop_millivolts;
         // Before the trips: what a break has withdrawn has its reason there, if its interrupt works.
-        let standing_fault = self.find_standing_fault();
+        let standing_fault = self.find_startup_clock_or_permit_fault();
         SensorReadings {
             rail_millivolts: measured.rail_millivolts,
             average_microamps: average_current::read_average_microamps_or_max_if_stale(),
             // Both: the comparator acts without software, the level tells a closed loop from a shorted one.
-            interlock_closed: comparators::is_interlock_closed() && sense::is_loop_level_closed(interlock_millivolts),
-            stop_released: comparators::is_emergency_stop_released() && sense::is_loop_level_closed(stop_millivolts),
+            interlock_closed: comparators::is_interlock_comparator_intact_and_not_tripped()
+                && sense::is_loop_level_closed(interlock_millivolts),
+            stop_released: comparators::is_emergency_stop_comparator_intact_and_not_tripped()
+                && sense::is_loop_level_closed(stop_millivolts),
             interlock_millivolts,
             stop_millivolts,
             earth_bonded: measured.earth_bonded,
@@ -184,12 +188,12 @@ impl Board for Stm32Board {
         }
     }
 
-    fn pulse_electrode_and_measure_rail_mv(
+    fn pulse_electrode_and_get_rail_mv_after_first_and_last(
         &mut self,
         channel: usize,
         electrode: Electrode,
     ) -> Result<ElectrodePulses, FaultFinding> {
-        electrode_test::pulse_electrode_and_measure_rail_mv(channel, electrode)
+        electrode_test::pulse_electrode_and_get_rail_mv_after_first_and_last(channel, electrode)
     }
 
     fn store_run_record_for_next_boot(&mut self, run: KeptRun) {
@@ -205,7 +209,7 @@ impl Board for Stm32Board {
         self.counts = [None; CHANNELS];
         // With interrupts masked, so that the time noted is that of the start.
         cortex_m::interrupt::free(|_| {
-            let started = timers::start_timers_if_read_back_matches();
+            let started = timers::enable_break_interrupt_and_start_timers_if_registers_hold();
             self.started_us = Instant::now().as_micros();
             if started { Ok(()) } else { Err(FaultCode::ReadBack) }
         })
@@ -251,7 +255,7 @@ impl Board for Stm32Board {
 
     /// Detail: the channel, [`DETAIL_COMPARATORS`] or [`DETAIL_PERMIT`].
     fn check_timers_still_count_and_hold_settings(&mut self) -> Result<(), FaultFinding> {
-        self.inspect_timers_and_trip_circuits().map_err(|finding| trip::take_trip().unwrap_or(finding))
+        self.check_timers_count_and_trip_settings_hold().map_err(|finding| trip::take_trip().unwrap_or(finding))
     }
 
     fn take_peak_acceleration_mm_per_s2_if_sensor_exists(&mut self) -> Option<u32> {

@@ -47,7 +47,7 @@ pub async fn await_request_and_reset() {
     Timer::after_millis(ANSWER_MS).await;
     cortex_m::interrupt::disable();
     // They are off already, as the request is refused otherwise; nothing depends on it.
-    outputs::force_electrodes_and_supply_off();
+    outputs::force_outputs_off_withdraw_permit_and_stop_timers();
     // SAFETY: nothing else runs, and nothing returns from here.
     unsafe { NOTE.0.get().cast::<[u32; 2]>().write_volatile([ASKED, !ASKED]) };
     SCB::sys_reset()

@@ -6,11 +6,11 @@
 //! the permit a gate outside holds its electrodes low. Beside that, an over-current clears its outputs in hardware until its next update event, and
 //! the interrupt below takes its pins away within about a us.
 //!
-//! The interrupt is at the highest priority and everything else below it; it does the same as [`force_electrodes_and_supply_off`] and leaves the
+//! The interrupt is at the highest priority and everything else below it; it does the same as [`force_outputs_off_withdraw_permit_and_stop_timers`] and leaves the
 //! reason for the device ([`trip::take_trip`]). It is enabled while the supply is.
 
 use crate::comparators::{COMPARATORS, Comparator, LOOPS, OVER_VOLTAGE, find_tripped_comparator};
-use crate::outputs::{find_output_not_low, force_electrodes_and_supply_off, set_pin_level};
+use crate::outputs::{find_output_not_low, force_outputs_off_withdraw_permit_and_stop_timers, set_pin_level};
 use crate::permit;
 use crate::pins::DISCHARGE_OPEN;
 use crate::poll::poll_within;
@@ -64,7 +64,7 @@ pub fn connect_core_failures_to_breaks_and_enable_interrupt() {
 #[interrupt]
 fn TIM1_BRK_TIM15() {
     // Off before anything is looked at; it disables this interrupt too, whose cause may last.
-    force_electrodes_and_supply_off();
+    force_outputs_off_withdraw_permit_and_stop_timers();
     let (code, detail) = find_trip_cause_or_assume_over_current();
     trip::note_trip_unless_one_is_noted(code, detail);
     // The writes have arrived when the handler ends, or another handler might run in place of the next one (Cortex-M4 erratum 838869).
@@ -112,7 +112,7 @@ pub fn test_permit_line_comparators_and_break_interrupt() -> Result<(), FaultFin
     let result = test_line_level_follows_permit_and_leave_permit_given()
         .and_then(|()| COMPARATORS.iter().try_for_each(test_that_comparator_clears_outputs_and_permit))
         .and_then(|()| test_interlock_and_stop_loop_comparators())
-        .and_then(|()| test_break_interrupt());
+        .and_then(|()| test_break_interrupt_notes_trip_and_switches_off());
     cortex_m::interrupt::free(|_| permit::set_permit(false));
     timers::set_main_outputs(false);
     timers::clear_break_flags();
@@ -131,7 +131,7 @@ fn test_line_level_follows_permit_and_leave_permit_given() -> Result<(), FaultFi
 }
 
 /// Lets a comparator trip with the interrupt enabled: the handler must note the reason and pull every pin low.
-fn test_break_interrupt() -> Result<(), FaultFinding> {
+fn test_break_interrupt_notes_trip_and_switches_off() -> Result<(), FaultFinding> {
     let [comparator, ..] = &COMPARATORS;
     // A pin that the handler has to pull low. The rails are discharged, and the switch needs a ms to open.
     let [pin, _] = DISCHARGE_OPEN;
@@ -141,7 +141,7 @@ fn test_break_interrupt() -> Result<(), FaultFinding> {
     let has_run = poll_within(TRIP_WAIT, || trip::peek_trip_code().is_some());
     let switches_off = poll_within(TRIP_WAIT, || find_output_not_low().is_none());
     comparator.write_settings_with_trip_inverted(false);
-    force_electrodes_and_supply_off();
+    force_outputs_off_withdraw_permit_and_stop_timers();
     match trip::take_trip() {
         Some((code, detail)) if code != comparator.fault => Err((code, detail)),
         _ if has_run && switches_off => Ok(()),
@@ -160,13 +160,13 @@ pub fn test_over_voltage_inputs(charged: [bool; RAILS]) -> Result<(), FaultFindi
     // With interrupts masked and that of the breaks off: the trip is on purpose.
     let result = cortex_m::interrupt::free(|_| {
         timers::set_break_interrupt(false);
-        crate::comparators::set_over_voltage_threshold(true);
+        crate::comparators::set_over_voltage_threshold_and_await_settling(true);
         let tripped = OVER_VOLTAGE.into_iter().zip(charged).try_for_each(|(comparator, charged)| {
             let is_right = poll_within_trip_time(|| comparator.is_tripped() == charged);
             let detail = if charged { DETAIL_NO_TRIP } else { DETAIL_FOREIGN_TRIP };
             if is_right { Ok(()) } else { Err(comparator.number + detail) }
         });
-        crate::comparators::set_over_voltage_threshold(false);
+        crate::comparators::set_over_voltage_threshold_and_await_settling(false);
         let mut both = OVER_VOLTAGE.into_iter();
         let stuck = both.find(|comparator| !poll_within_trip_time(|| !comparator.is_tripped()));
         timers::clear_break_flags();
@@ -180,9 +180,9 @@ pub fn test_over_voltage_inputs(charged: [bool; RAILS]) -> Result<(), FaultFindi
 
 /// Tests that the comparators of the loops see their loops: closed ones are below the threshold of the self-test, and above that which protects.
 fn test_interlock_and_stop_loop_comparators() -> Result<(), FaultFinding> {
-    crate::comparators::set_loop_threshold(true);
+    crate::comparators::set_loop_threshold_and_await_settling(true);
     let blind = LOOPS.into_iter().find(|comparator| !poll_within_trip_time(|| comparator.is_tripped()));
-    crate::comparators::set_loop_threshold(false);
+    crate::comparators::set_loop_threshold_and_await_settling(false);
     let stuck = LOOPS.into_iter().find(|comparator| !poll_within_trip_time(|| !comparator.is_tripped()));
     let blind = blind.map(|comparator| comparator.number + DETAIL_NO_TRIP);
     match blind.or(stuck.map(|comparator| comparator.number + DETAIL_NOT_RELEASED)) {

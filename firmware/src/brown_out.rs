@@ -4,7 +4,7 @@
 //! breaks do not. At the brown-out level the chip resets; that level is an option byte (BOR_LEV, delivered as 0: 1.7 V),
 //! to be set to 4, 2.8 V, when a board is brought up.
 
-use crate::outputs::force_electrodes_and_supply_off;
+use crate::outputs::force_outputs_off_withdraw_permit_and_stop_timers;
 use crate::priorities::PROTECTION;
 use crate::trip;
 use core::cell::UnsafeCell;
@@ -70,7 +70,7 @@ pub fn is_voltage_detector_configured() -> bool {
 
 #[interrupt]
 fn PVD_PVM() {
-    force_electrodes_and_supply_off();
+    force_outputs_off_withdraw_permit_and_stop_timers();
     trip::note_trip_unless_one_is_noted(FaultCode::BrownOut, 0);
     let mut line = Lines(0);
     line.set_line(LINE, true);

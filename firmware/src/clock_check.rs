@@ -77,7 +77,7 @@ impl ClockCheck {
     }
 
     /// Looks again if it is time, and returns the fault if the clocks have disagreed for some looks. To be called every ms.
-    pub fn find_fault(&mut self) -> Option<FaultFinding> {
+    pub fn look_if_due_and_find_lasting_clock_fault(&mut self) -> Option<FaultFinding> {
         let now = Instant::now();
         if now.saturating_duration_since(self.looked_at) >= LOOK_INTERVAL {
             self.looked_at = now;

@@ -92,7 +92,7 @@ const SETTLING_CLOCKS: u32 = 170 * 250;
 const THRESHOLD_SETTLING_CLOCKS: u32 = 170 * 10;
 
 /// Starts DAC3, DAC4 and the comparators, and waits until they have settled. To be called once.
-pub fn init_comparators() {
+pub fn init_comparators_and_await_settling() {
     RCC.ahb2enr().modify(|w| {
         w.set_dac3en(true);
         w.set_dac4en(true);
@@ -134,19 +134,19 @@ fn build_threshold_dac_control_register() -> Cr {
 }
 
 /// Sets the threshold of the rails: that of the self-test, or that which protects.
-pub fn set_over_voltage_threshold(for_test: bool) {
+pub fn set_over_voltage_threshold_and_await_settling(for_test: bool) {
     DAC3.dhr12r(0).write(|w| w.set_dhr(if for_test { TEST_CODE } else { OVER_VOLTAGE_CODE }));
     // The converter without its buffer settles within some us (DS12288).
     cortex_m::asm::delay(THRESHOLD_SETTLING_CLOCKS);
 }
 
 /// Sets the threshold of the loops: that of the self-test, at which closed loops trip, or that which protects.
-pub fn set_loop_threshold(for_test: bool) {
+pub fn set_loop_threshold_and_await_settling(for_test: bool) {
     DAC4.dhr12r(0).write(|w| w.set_dhr(if for_test { LOOP_TEST_CODE } else { LOOP_CODE }));
     cortex_m::asm::delay(THRESHOLD_SETTLING_CLOCKS);
 }
 
-/// Whether every comparator and threshold, and the way of the thresholds to the comparators, is as [`init_comparators`] has set it. Without that way
+/// Whether every comparator and threshold, and the way of the thresholds to the comparators, is as [`init_comparators_and_await_settling`] has set it. Without that way
 /// a threshold floats, and the comparator's test, which inverts its polarity, does not see it.
 #[must_use]
 pub fn are_all_settings_intact() -> bool {
@@ -170,13 +170,13 @@ pub fn find_tripped_comparator() -> Option<Comparator> {
 
 /// Whether the enclosure is closed.
 #[must_use]
-pub fn is_interlock_closed() -> bool {
+pub fn is_interlock_comparator_intact_and_not_tripped() -> bool {
     INTERLOCK.are_settings_intact() && !INTERLOCK.is_tripped()
 }
 
 /// Whether the emergency stop is released.
 #[must_use]
-pub fn is_emergency_stop_released() -> bool {
+pub fn is_emergency_stop_comparator_intact_and_not_tripped() -> bool {
     EMERGENCY_STOP.are_settings_intact() && !EMERGENCY_STOP.is_tripped()
 }
 

@@ -19,7 +19,7 @@ const SHORTEST_SLEEP_US: u64 = 10;
 #[embassy_executor::task]
 pub async fn run_device(mut board: Stm32Board) -> ! {
     let mut device = Device::new();
-    device.complete_boot_to_discharging_or_fault(&mut board);
+    device.restore_credit_and_complete_boot_to_discharging_or_fault(&mut board);
     let mut ports = LinkReceiver::new_for_each_link::<{ LINKS.len() }>();
     let mut heartbeat = Heartbeat::new();
     let mut line_errors = CountReport::new();
@@ -29,7 +29,7 @@ pub async fn run_device(mut board: Stm32Board) -> ! {
         // First in every turn, so that a flood of bytes cannot starve it; what a frame has changed is done at once too.
         let due_us = device.do_due_work_and_tell_next_due_us(&mut board);
         if device.take_tick_done() {
-            watchdog::check_in(WatchedTask::Device);
+            watchdog::record_check_in(WatchedTask::Device);
         }
         watchdog::feed_if_all_checked_in();
         let now_us = Instant::now().as_micros();

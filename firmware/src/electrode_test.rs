@@ -17,11 +17,11 @@ use era_shared::waveform::Electrode;
 /// Measurements whose mean is a rail's voltage: 12 us each. Their noise moves the mean by less than a step of the converter.
 const MEASUREMENTS: u32 = 8;
 
-/// Makes the pulses and measures the rail; see [`era_shared::board::Board::pulse_electrode_and_measure_rail_mv`].
+/// Makes the pulses and measures the rail; see [`era_shared::board::Board::pulse_electrode_and_get_rail_mv_after_first_and_last`].
 ///
 /// # Errors
 /// What has tripped, or [`FaultCode::ArmFailed`] with the pin that is not low, or that of the electrode if its pad does not become high.
-pub fn pulse_electrode_and_measure_rail_mv(
+pub fn pulse_electrode_and_get_rail_mv_after_first_and_last(
     channel: usize,
     electrode: Electrode,
 ) -> Result<ElectrodePulses, FaultFinding> {
@@ -48,10 +48,11 @@ pub fn pulse_electrode_and_measure_rail_mv(
         set_pin_level(pin, false);
         block_for(Duration::from_micros(TEST_PAUSE_MICROSECONDS.into()));
         if number == 0 {
-            pulses.after_first_millivolts = measure_rail_millivolts(rail_index_of_channel(channel));
+            pulses.after_first_millivolts =
+                measure_mean_rail_millivolts_or_max_if_unknown(rail_index_of_channel(channel));
         }
     }
-    pulses.after_last_millivolts = measure_rail_millivolts(rail_index_of_channel(channel));
+    pulses.after_last_millivolts = measure_mean_rail_millivolts_or_max_if_unknown(rail_index_of_channel(channel));
     // A pulse that a trip has cut short says nothing of the electrode.
     take_trip_as_error()?;
     fail_arming_if_pin_not_low(find_electrode_not_low())?;
@@ -67,7 +68,7 @@ fn fail_arming_if_pin_not_low(not_low: Option<PinName>) -> Result<(), FaultFindi
 }
 
 /// The mean of some measurements; `u32::MAX` if the converter does not deliver.
-fn measure_rail_millivolts(rail: usize) -> u32 {
+fn measure_mean_rail_millivolts_or_max_if_unknown(rail: usize) -> u32 {
     let sum: u64 = (0..MEASUREMENTS)
         .map(|_| {
             u64::from(

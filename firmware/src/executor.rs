@@ -37,7 +37,7 @@ pub static ERA_CPU_IDLE: AtomicBool = AtomicBool::new(false);
 
 /// Embassy calls this when a task of the executor made with `context` has been woken.
 #[unsafe(export_name = "__pender")]
-fn pend_executor(context: *mut ()) {
+fn pend_device_interrupt_or_mark_thread_work(context: *mut ()) {
     if context.addr() == THREAD {
         THREAD_WORK.store(true, Ordering::Release);
     } else {

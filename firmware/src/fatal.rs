@@ -4,7 +4,7 @@
 //! Where not even these run (the stack is gone, the core locks up), the lock-up signal breaks the timers in hardware and
 //! the watchdog resets the chip.
 
-use crate::outputs::force_electrodes_and_supply_off;
+use crate::outputs::force_outputs_off_withdraw_permit_and_stop_timers;
 use core::cell::UnsafeCell;
 use core::fmt::{self, Write};
 use core::mem::MaybeUninit;
@@ -101,7 +101,7 @@ fn write_note_and_reset(kind: u32, detail: u32, arguments: fmt::Arguments<'_>) -
 fn panic(info: &PanicInfo<'_>) -> ! {
     // One instruction, so that no interrupt can switch on again what the next line switches off.
     cortex_m::interrupt::disable();
-    force_electrodes_and_supply_off();
+    force_outputs_off_withdraw_permit_and_stop_timers();
     let (file, line) = info.location().map_or(("", 0), |location| (location.file(), location.line()));
     // The folders would leave no room for what happened.
     let file = file.rsplit('/').next().unwrap_or(file);
@@ -111,7 +111,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
 #[exception(trampoline = true)]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     // Only an NMI can interrupt this, and it ends here too.
-    force_electrodes_and_supply_off();
+    force_outputs_off_withdraw_permit_and_stop_timers();
     let status = read_fault_status_register();
     write_note_and_reset(
         EXCEPTION,
@@ -123,7 +123,7 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
 /// A flash word that cannot be corrected, or SRAM parity: the clock security system is not used (RM0440, section 3.3.4).
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
-    force_electrodes_and_supply_off();
+    force_outputs_off_withdraw_permit_and_stop_timers();
     let flash = FLASH.eccr().read().0;
     write_note_and_reset(EXCEPTION, flash, format_args!("NMI, FLASH_ECCR {flash:#010x}"))
 }
@@ -132,7 +132,7 @@ unsafe fn NonMaskableInt() -> ! {
 #[exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
     cortex_m::interrupt::disable();
-    force_electrodes_and_supply_off();
+    force_outputs_off_withdraw_permit_and_stop_timers();
     write_note_and_reset(EXCEPTION, number.unsigned_abs().into(), format_args!("unexpected interrupt {number}"))
 }
 

@@ -57,7 +57,7 @@ fn main() -> ! {
     // Before anything else: the bootloader wants the chip as the reset left it, which is with all outputs off.
     bootloader::enter_bootloader_if_requested();
     // Before the clocks are set up.
-    outputs::force_electrodes_and_supply_off();
+    outputs::force_outputs_off_withdraw_permit_and_stop_timers();
     // Before notes of the previous run are taken: it resets the chip once.
     let (reset_cause, is_watchdog_proven) =
         watchdog_proof::prove_watchdog_and_tell_original_cause_and_success(identity::take_reset_cause());
@@ -66,14 +66,14 @@ fn main() -> ! {
     let peripherals = clocks::init_chip_and_clocks();
     priorities::lower_time_and_link_interrupt_priorities();
     outputs::init_electrode_and_supply_pins_low();
-    rails::init_rail_dac();
-    comparators::init_comparators();
-    timers::init_timers();
-    permit::init_permit();
+    rails::init_rail_dac_at_zero();
+    comparators::init_comparators_and_await_settling();
+    timers::init_timers_and_lock_break_routing();
+    permit::init_permit_timer_with_permit_withdrawn();
     // Before the breaks: what leads the detector to them also locks its settings (RM0440, section 6.4.2).
     brown_out::init_voltage_detector();
     breaks::connect_core_failures_to_breaks_and_enable_interrupt();
-    sense::init_adc();
+    sense::init_adcs_of_rails_loops_earth_bond_and_reference();
     average_current::init_average_current();
     clock_check::init_clock_check();
 
@@ -97,7 +97,7 @@ fn main() -> ! {
     let is_watchdog_set_up = watchdog::start_watchdog_and_tell_whether_settings_hold();
     // None of these can go before the next start.
     let lasting_fault = if is_watchdog_proven && is_watchdog_set_up {
-        option_bytes::read_option_bytes_if_unsafe().map(|options| (FaultCode::OptionBytes, options))
+        option_bytes::read_option_bytes_if_unsafe_logging_deviations().map(|options| (FaultCode::OptionBytes, options))
     } else {
         Some((FaultCode::Watchdog, watchdog_proof::DETAIL_UNPROVEN))
     };

@@ -29,7 +29,7 @@ const RECOMMENDED_MASK: u32 = 0b111 << 8 | 0b111 << 12 | 1 << 16 | 1 << 19 | 1 <
 const RECOMMENDED: u32 = 4 << 8 | 0b111 << 12 | 1 << 16 | 1 << 19 | 1 << 23 | 1 << 26 | 1 << 27;
 
 /// The option bytes, if one of them takes a protection away. What differs from the recommendation is logged.
-pub fn read_option_bytes_if_unsafe() -> Option<u32> {
+pub fn read_option_bytes_if_unsafe_logging_deviations() -> Option<u32> {
     let options = FLASH.optr().read().0;
     let differing = (options ^ RECOMMENDED) & RECOMMENDED_MASK;
     if differing != 0 {

@@ -1,6 +1,6 @@
 //! Everything that can energise something, as plain register writes.
 //!
-//! [`force_electrodes_and_supply_off`] needs nothing to have been set up and has no state, so the first line of `main`, the device, the break
+//! [`force_outputs_off_withdraw_permit_and_stop_timers`] needs nothing to have been set up and has no state, so the first line of `main`, the device, the break
 //! interrupt and the panic, NMI and HardFault handlers all use the same one.
 
 use crate::pins::{self, ELECTRODES, Pin};
@@ -47,7 +47,7 @@ const fn spread_to_even_bits(pins: u16) -> u32 {
 
 /// Switches everything off, at once and whatever state the chip is in: permit withdrawn, electrodes low, high voltage disabled,
 /// discharge switches closed, then timers stopped and set-points at zero.
-pub fn force_electrodes_and_supply_off() {
+pub fn force_outputs_off_withdraw_permit_and_stop_timers() {
     // After a reset the ports have no clock yet, and a write without one would be lost.
     RCC.ahb2enr().modify(|w| {
         w.set_gpioaen(true);
@@ -69,7 +69,7 @@ pub fn force_electrodes_and_supply_off() {
 
 /// Makes the pins that can energise something push-pull outputs without pulls, low. Their reset values are that too.
 pub fn init_electrode_and_supply_pins_low() {
-    force_electrodes_and_supply_off();
+    force_outputs_off_withdraw_permit_and_stop_timers();
     for HazardousPins { port, pins, pairs, .. } in HAZARDOUS {
         port.otyper().modify(|w| w.0 &= !pins);
         port.pupdr().modify(|w| w.0 &= !pairs);

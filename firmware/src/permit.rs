@@ -34,7 +34,7 @@ const DETAIL_STUCK_LOW: u32 = 2;
 static GIVEN: AtomicBool = AtomicBool::new(false);
 
 /// Sets up TIM16, with the permit withdrawn. To be called once.
-pub fn init_permit() {
+pub fn init_permit_timer_with_permit_withdrawn() {
     RCC.apb2enr().modify(|w| w.set_tim16en(true));
     // A peripheral takes writes from the second clock after its enable (RM0440, section 7.2.18); the read waits for it.
     let _ = RCC.apb2enr().read();
@@ -90,7 +90,7 @@ pub fn is_withdrawn_by_break() -> bool {
     GIVEN.load(Ordering::Relaxed) && TIMER.bdtr().read().0 & BDTR_MOE == 0
 }
 
-/// Whether what withdraws the permit in hardware is set up as [`init_permit`] has done it.
+/// Whether what withdraws the permit in hardware is set up as [`init_permit_timer_with_permit_withdrawn`] has done it.
 #[must_use]
 pub fn are_permit_timer_settings_intact() -> bool {
     TIMER.af1().read().0 == AF1_COMPARATORS

@@ -11,7 +11,7 @@ pub const ABOVE_160_MHZ: u8 = 0b10;
 const TO_PIN: Mode = Mode::NORMAL_EXT_BUFDIS;
 
 /// Starts the converters' clock and connects them to their pins, at zero.
-pub fn init_rail_dac() {
+pub fn init_rail_dac_at_zero() {
     RCC.ahb2enr().modify(|w| w.set_dac1en(true));
     // A peripheral takes writes from the second clock after its enable (RM0440, section 7.2.18); the read waits for it.
     let _ = RCC.ahb2enr().read();

@@ -71,5 +71,5 @@ pub fn read_run_record_of_previous_run() -> Option<KeptRun> {
             credit_ms: record.credit_ms,
         })
     });
-    KeptRun::choose_most_cautious_of_copies(records)
+    KeptRun::choose_copy_preferring_live_then_distrusted(records)
 }

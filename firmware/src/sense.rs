@@ -73,7 +73,7 @@ const UNKNOWN: Measurement = Measurement {
 };
 
 /// Calibrates and starts the converters. If one does not follow, every measurement is implausible. To be called once.
-pub fn init_adc() {
+pub fn init_adcs_of_rails_loops_earth_bond_and_reference() {
     RCC.ahb2enr().modify(|w| {
         w.set_adc12en(true);
         w.set_adc345en(true);
@@ -86,7 +86,7 @@ pub fn init_adc() {
         w.set_vrefen(true);
     });
     ADC345_COMMON.ccr().write(|w| w.set_ckmode(Ckmode::SYNC_DIV4));
-    calibrate_converter(ADC1);
+    power_up_and_calibrate_converter(ADC1);
     for input in INPUTS {
         // 47.5 clocks, 1.1 us: the inputs' capacitors hold the charge that the converter's 5 pF take.
         ADC1.smpr().modify(|w| w.set_smp(input, SampleTime::CYCLES47_5));
@@ -103,7 +103,7 @@ pub fn init_adc() {
     });
     set_injected_sequence(ADC1, INPUTS);
     for (converter, input) in LOOP_INPUTS {
-        calibrate_converter(converter);
+        power_up_and_calibrate_converter(converter);
         // As above; the loops have 100 nF at the pin.
         converter.smpr().modify(|w| w.set_smp(input, SampleTime::CYCLES47_5));
         enable_converter(converter);
@@ -112,7 +112,7 @@ pub fn init_adc() {
 }
 
 /// Switches a converter's regulator on and calibrates it. Its clock must have been set.
-pub fn calibrate_converter(converter: Adc) {
+pub fn power_up_and_calibrate_converter(converter: Adc) {
     converter.cr().write(|w| w.set_deeppwd(false));
     converter.cr().write(|w| w.set_advregen(true));
     cortex_m::asm::delay(REGULATOR_CLOCKS);

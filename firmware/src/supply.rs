@@ -15,11 +15,11 @@ pub fn apply_supply_command_or_off_if_tripped(command: &SupplyCommand) {
         if enabled && !is_pin_set_high(HIGH_VOLTAGE_ENABLE) {
             // What switches off is awake before there is something to switch off.
             breaks::arm_break_interrupt();
-            watchdog::set_frozen_in_debug(false);
+            watchdog::set_watchdog_frozen_in_debug_and_freeze_timers(false);
         }
         if !enabled {
             set_pin_level(HIGH_VOLTAGE_ENABLE, false);
-            watchdog::set_frozen_in_debug(true);
+            watchdog::set_watchdog_frozen_in_debug_and_freeze_timers(true);
         }
         permit::set_permit(command.permitted && !tripped);
         for (rail, (pin, closed)) in DISCHARGE_OPEN.into_iter().zip(command.discharge).enumerate() {

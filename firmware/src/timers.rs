@@ -5,7 +5,7 @@
 //! own start is the trigger (RM0440, timer synchronisation). From then on they only get new preload values.
 //!
 //! The routing of the breaks, the idle levels and the compare modes are written once, at boot, and locked until the next
-//! reset (BDTR.LOCK = 3): firmware that has run astray cannot unhook them. Hence nothing may write BDTR before [`init_timers`].
+//! reset (BDTR.LOCK = 3): firmware that has run astray cannot unhook them. Hence nothing may write BDTR before [`init_timers_and_lock_break_routing`].
 
 use crate::pins::CHANNELS;
 use embassy_stm32::pac;
@@ -68,7 +68,7 @@ fn has_break_input(channel: usize) -> bool {
 }
 
 /// Starts the timers' clocks and sets up what never changes afterwards, outputs off. To be called once.
-pub fn init_timers() {
+pub fn init_timers_and_lock_break_routing() {
     RCC.apb2enr().modify(|w| {
         w.set_tim1en(true);
         w.set_tim8en(true);
@@ -117,7 +117,7 @@ pub fn stop_timers_outputs_and_break_interrupt() {
 /// Loads all timers with [`IDLE`], sets the counters to zero, enables the break interrupt, and starts all timers together. Returns whether every
 /// register held what was written; if not, nothing is started.
 #[must_use]
-pub fn start_timers_if_read_back_matches() -> bool {
+pub fn enable_break_interrupt_and_start_timers_if_registers_hold() -> bool {
     stop_timers_outputs_and_break_interrupt();
     for (channel, timer) in channel_timers() {
         let registers = registers_for_period(channel, &IDLE).with_counter_stopped();

@@ -105,7 +105,7 @@ pub fn find_mask_and_names_of_tasks_missing_before_reset() -> (u32, String<FAILU
 #[must_use]
 pub fn start_watchdog_and_tell_whether_settings_hold() -> bool {
     record_feed_and_mark_all_missing();
-    set_frozen_in_debug(true);
+    set_watchdog_frozen_in_debug_and_freeze_timers(true);
     IWDG.kr().write(|w| w.set_key(Key::START));
     IWDG.kr().write(|w| w.set_key(Key::ENABLE));
     IWDG.pr().write(|w| w.set_pr(Pr::DIVIDE_BY32));
@@ -118,7 +118,7 @@ pub fn start_watchdog_and_tell_whether_settings_hold() -> bool {
 }
 
 /// Notes that a task still does its work.
-pub fn check_in(task: WatchedTask) {
+pub fn record_check_in(task: WatchedTask) {
     MISSING.fetch_and(!(1 << task as u32), Ordering::Relaxed);
     if let Some(seen) = get_record_of_check_in_times().seen.get(task as usize) {
         seen.store(now_in_1024_us(), Ordering::Relaxed);
@@ -145,7 +145,7 @@ pub async fn run_watched<F: Future>(task: WatchedTask, work: F) -> F::Output {
         if let Some(waiting) = WAITING.get(task as usize) {
             waiting.register(context.waker());
         }
-        check_in(task);
+        record_check_in(task);
         work.as_mut().poll(context)
     })
     .await
@@ -161,7 +161,7 @@ pub fn wake_watched_tasks_if_due(last_wake: &mut u32) {
 
 /// Sets whether the watchdog stands still while a debugger has halted the processor. It does not while the supply is on: a breakpoint then
 /// ends in a reset, and everything is off 0.1 s later, while the breaks switch the electrodes off at once.
-pub fn set_frozen_in_debug(frozen: bool) {
+pub fn set_watchdog_frozen_in_debug_and_freeze_timers(frozen: bool) {
     DBGMCU.apb1lfzr().modify(|w| w.set_iwdg(frozen));
     DBGMCU.apb2fzr().modify(|w| {
         w.set_tim1(true);

@@ -56,7 +56,7 @@ pub struct ChannelOutputs {
 }
 
 pub(crate) fn read_emulated_outputs(board: &EmulatedBoard) -> Result<Vec<ChannelOutputs>, EmulatedError> {
-    let registers = board.read_channel_timers_with_main_output_bit_from_pins()?;
+    let registers = board.read_channel_timers_with_main_output_bit_masked_by_pins()?;
     let timers = board.send_bridge_command_and_await_answer(&json!({"op": "timers"}))?;
     let pins = board.send_bridge_command_and_await_answer(&json!({"op": "pins"}))?;
     let convert = |((era, timer), registers): ((u32, &str), &TimerRegisters)| {

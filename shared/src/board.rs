@@ -47,7 +47,7 @@ pub struct KeptRun {
 impl KeptRun {
     /// The one that counts of the copies that memory has kept: the one that says live, then the one that distrusts.
     #[must_use]
-    pub fn choose_most_cautious_of_copies(copies: [Option<Self>; 2]) -> Option<Self> {
+    pub fn choose_copy_preferring_live_then_distrusted(copies: [Option<Self>; 2]) -> Option<Self> {
         copies.into_iter().flatten().max_by_key(|copy| (copy.is_live, copy.is_measurement_distrusted))
     }
 }
@@ -89,7 +89,7 @@ pub trait Board {
     ///
     /// # Errors
     /// What has tripped, or [`FaultCode::ArmFailed`] if another electrode is not low, or its own pad does not become high.
-    fn pulse_electrode_and_measure_rail_mv(
+    fn pulse_electrode_and_get_rail_mv_after_first_and_last(
         &mut self,
         channel: usize,
         electrode: Electrode,
@@ -154,9 +154,9 @@ mod tests {
             (distrusts, live, live),
             (None, harmless, harmless),
         ] {
-            assert_eq!(KeptRun::choose_most_cautious_of_copies([one, other]), counts);
-            assert_eq!(KeptRun::choose_most_cautious_of_copies([other, one]), counts);
+            assert_eq!(KeptRun::choose_copy_preferring_live_then_distrusted([one, other]), counts);
+            assert_eq!(KeptRun::choose_copy_preferring_live_then_distrusted([other, one]), counts);
         }
-        assert_eq!(KeptRun::choose_most_cautious_of_copies([None, None]), None);
+        assert_eq!(KeptRun::choose_copy_preferring_live_then_distrusted([None, None]), None);
     }
 }

@@ -136,7 +136,7 @@ pub const fn most_leakage_microamps(millivolts: u32) -> u32 {
 /// The most in uA that the electrodes which can rise together take in their first moment from rails of `millivolts`: one of each ERA, as
 /// the two of an ERA are never on together. 4 x 2 kV / 1 Mohm are 8 mA, with the resistors' tolerance 8.4 mA.
 #[must_use]
-pub const fn most_microamps_when_one_electrode_of_each_actuator_rises(millivolts: u32) -> u32 {
+pub const fn peak_microamps_when_one_electrode_of_each_actuator_rises(millivolts: u32) -> u32 {
     let ohms = subtract_percent(ELECTRODE_OHMS as u64, RESISTANCE_TOLERANCE_PERCENT);
     (MAX_CHANNELS as u64 * millivolts as u64 * 1_000 / ohms) as u32
 }
@@ -162,7 +162,7 @@ pub const fn least_fall_by_bleeders_millivolts(from_millivolts: u32, elapsed_us:
 
 /// Longest time in ns from the end of a window's command until the electrode has fallen from 2 kV to 60 V, all tolerances against it.
 #[must_use]
-pub const fn longest_electrode_discharge_ns() -> u32 {
+pub const fn longest_electrode_discharge_from_window_end_to_60_v_ns() -> u32 {
     let time_constant_ns = LOWER_SWITCH_OHMS as u64 * largest_electrode_picofarads() as u64 / 1_000;
     let falling_ns = time_constant_ns * (100 + TOLERANCE_PERCENT as u64) / 100 * FULL_DISCHARGE_PERMILLE / 1000;
     LOWER_SWITCH_LATE_NANOSECONDS + falling_ns as u32

@@ -3,7 +3,9 @@
 //! The board holds to them whatever the host claims. Sources are named with each; "ERA" stands for the default design with a
 //! gap of 0.5 mm, 50 mm electrodes and 100 pF of electrode and cable.
 
-use crate::circuit::{self, longest_electrode_discharge_ns, longest_rail_discharge_from_2_kv_to_60_v_us};
+use crate::circuit::{
+    self, longest_electrode_discharge_from_window_end_to_60_v_ns, longest_rail_discharge_from_2_kv_to_60_v_us,
+};
 
 /// Highest rail voltage in mV. The gap of an ERA breaks down near 2.57 kV at rest and near 2.0 kV once its mass has moved
 /// by 0.14 mm towards an electrode; 85 % of 2.57 kV is 2.18 kV, and 2.0 kV leaves the over-voltage trip room below that.
@@ -161,7 +163,7 @@ pub const TRIP_MICROAMPS: u32 = 10_000;
 /// 1.65 V for the comparator's offset and half of its hysteresis.
 const TRIP_TOLERANCE_PERCENT: u32 = 5;
 const _: () = assert!(
-    circuit::most_microamps_when_one_electrode_of_each_actuator_rises(MAX_RAIL_MILLIVOLTS) as u64
+    circuit::peak_microamps_when_one_electrode_of_each_actuator_rises(MAX_RAIL_MILLIVOLTS) as u64
         <= circuit::subtract_percent(TRIP_MICROAMPS as u64, TRIP_TOLERANCE_PERCENT),
     "simultaneous rising edges trip the over-current comparator"
 );
@@ -170,7 +172,7 @@ const _: () = assert!(
 /// together are the commands: the two upper switches of an ERA. The electrodes follow them: with this guard the one that was on is below
 /// 60 V, which is harmless, when the other one begins to rise (the lower switch 40 us late, then 116 pF through 100 kohm from 2 kV: 41 us,
 /// with tolerances 49 us).
-pub const LEAST_GUARD_NANOSECONDS: u32 = longest_electrode_discharge_ns();
+pub const LEAST_GUARD_NANOSECONDS: u32 = longest_electrode_discharge_from_window_end_to_60_v_ns();
 /// The guard time that the board keeps, in ns: the default between the least and 1 ms; it costs 0.07 dB of force at 200 Hz.
 pub const GUARD_NANOSECONDS: u32 = 200_000;
 const _: () = assert!(GUARD_NANOSECONDS >= LEAST_GUARD_NANOSECONDS);

@@ -406,7 +406,7 @@ fn a_fault_from_before_the_reset_is_told() {
     bench.board.info.fault_before_reset = Some((FaultCode::Panic, 77));
     bench.board.info.failure = "panicked at src/main.rs:77".try_into().unwrap();
     bench.device = era_shared::device::Device::new();
-    bench.device.complete_boot_to_discharging_or_fault(&mut bench.board);
+    bench.device.restore_credit_and_complete_boot_to_discharging_or_fault(&mut bench.board);
     assert_eq!(bench.state(), SafetyState::Fault);
     let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
     assert_eq!((fault.code, fault.detail), (FaultCode::Panic, 77));

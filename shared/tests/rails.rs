@@ -181,7 +181,7 @@ fn a_measurement_that_was_wrong_does_not_call_a_rail_safe() {
     assert!(kept.is_some_and(|run| run.is_measurement_distrusted && !run.is_live), "{kept:?}");
     bench.board.info.kept_before_reset = kept;
     bench.device = era_shared::device::Device::new();
-    bench.device.complete_boot_to_discharging_or_fault(&mut bench.board);
+    bench.device.restore_credit_and_complete_boot_to_discharging_or_fault(&mut bench.board);
     is_safe_after_bleeding(&mut bench);
     assert!(bench.board.kept.is_some_and(|run| !run.is_measurement_distrusted), "the next start is a sound one");
     // Armed again instead of waited for.

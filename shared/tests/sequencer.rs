@@ -43,8 +43,13 @@ impl Timers {
     fn run_ms(&mut self, milliseconds: u64) {
         let end = self.now_us + 1000 * milliseconds;
         while self.now_us < end {
-            self.now_us = (self.now_us + 1000)
-                .min(self.model.sequencer.next_extra_poll_us_if_needed().unwrap_or(u64::MAX).max(self.now_us + 1));
+            self.now_us = (self.now_us + 1000).min(
+                self.model
+                    .sequencer
+                    .poll_us_after_next_boundary_if_playing_or_too_near()
+                    .unwrap_or(u64::MAX)
+                    .max(self.now_us + 1),
+            );
             self.run_model_and_record_pulses();
         }
     }

@@ -184,7 +184,7 @@ fn credit_and_whether_it_was_live_are_kept_over_a_reset() {
     next.board.info.kept_before_reset = Some(kept);
     next.board.info.fault_before_reset = Some((FaultCode::ResetWhileLive, 0));
     next.device = era_shared::device::Device::new();
-    next.device.complete_boot_to_discharging_or_fault(&mut next.board);
+    next.device.restore_credit_and_complete_boot_to_discharging_or_fault(&mut next.board);
     let Reply::Credit(credit) = next.send_request(&Request::Credit) else { panic!() };
     assert_eq!(credit.channels[0].left_ms, credit_ms[0]);
     assert_eq!(next.state(), SafetyState::Fault);

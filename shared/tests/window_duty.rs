@@ -36,7 +36,7 @@ fn arm_bench(burst_ms: u16, credit_ms: u32) -> Bench {
             credit_ms: [credit_ms, 60_000, 60_000, 60_000],
         });
         bench.device = era_shared::device::Device::new();
-        bench.device.complete_boot_to_discharging_or_fault(&mut bench.board);
+        bench.device.restore_credit_and_complete_boot_to_discharging_or_fault(&mut bench.board);
         bench.wait_ms(2);
     }
     bench.send_request(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(burst_ms) });

@@ -86,7 +86,7 @@ pub async fn forward_link_openings_and_bytes_to_device(link: usize, mut source: 
 }
 
 /// Sends the answers that are queued for a link, for ever.
-pub async fn send_queued_answers(link: usize, mut sink: impl ByteSink) -> ! {
+pub async fn send_queued_answers_or_drop_if_host_does_not_read(link: usize, mut sink: impl ByteSink) -> ! {
     let mut buffer = [0_u8; MAX_ENCODED];
     let outbox = &LINKS[link];
     loop {

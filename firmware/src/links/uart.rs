@@ -78,7 +78,7 @@ pub async fn receive_from_uart(rx: BufferedUartRx<'static>) -> ! {
 /// Transmits for ever.
 #[embassy_executor::task]
 pub async fn transmit_to_uart(tx: BufferedUartTx<'static>) -> ! {
-    run_watched(WatchedTask::UartTransmit, super::send_queued_answers(UART, tx)).await
+    run_watched(WatchedTask::UartTransmit, super::send_queued_answers_or_drop_if_host_does_not_read(UART, tx)).await
 }
 
 impl ByteSource for BufferedUartRx<'static> {

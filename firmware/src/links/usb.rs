@@ -65,7 +65,8 @@ pub async fn receive_over_usb(receiver: Receiver<'static, UsbDriver>) -> ! {
 /// Transmits for ever.
 #[embassy_executor::task]
 pub async fn transmit_over_usb(sender: Sender<'static, UsbDriver>) -> ! {
-    run_watched(WatchedTask::UsbTransmit, super::send_queued_answers(USB_LINK, sender)).await
+    run_watched(WatchedTask::UsbTransmit, super::send_queued_answers_or_drop_if_host_does_not_read(USB_LINK, sender))
+        .await
 }
 
 /// Tells the device for ever when a program has closed the port. Its cable may stay: whoever opens the port next is another one.

@@ -67,8 +67,9 @@ fn each_mode_has_the_ratio_of_its_frequency() {
 fn a_response_is_the_sum_over_modes_with_their_ratios() {
     let scene = bar(TABLE);
     let model = PanelModel::build(&scene, Accuracy::from_tolerance(1e-5).unwrap(), 400.0).unwrap();
-    let model =
-        model.reduce_with_residual_shapes_of_actuators_and_points(400.0, &[(SEEN * LENGTH_M, WIDTH_M / 2.0)]).unwrap();
+    let model = model
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[(SEEN * LENGTH_M, WIDTH_M / 2.0)])
+        .unwrap();
     let hz: Vec<f64> = (1..80).map(|k| 5.0 * f64::from(k) + 0.3).collect();
     let shape = model.shape_deflections_at(SEEN * LENGTH_M, WIDTH_M / 2.0);
     let found = compute_acceleration_curves_per_newton(&model, &shape, &hz).unwrap().remove(0);

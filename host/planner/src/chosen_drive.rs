@@ -73,7 +73,7 @@ pub(super) fn force_phase_relative_to_windows_rad(drive: &ChosenDrive, actuator:
 /// Phases of the windows in rad that give the drives' forces their phases. The force of electrodes behind resistors is late by an angle that
 /// depends on the pulse width. Time counts so that the first drive of each frequency has its windows where its force would be without
 /// resistors: alone at its frequency a drive keeps the phase 0. The others keep their forces' phases relative to it.
-pub(super) fn window_phase_of_each_drive_rad(
+pub(super) fn window_phase_of_each_drive_keeping_relative_force_phases_rad(
     drives: &[ChosenDrive],
     applied: &[VoltageAndPulseWidth; MAX_ACTUATORS],
 ) -> [f64; MAX_ACTUATORS] {

@@ -65,7 +65,7 @@ pub fn acceleration_at_level_above_threshold_m_per_s2(hz: f64, db_above_threshol
 /// of distinct frequencies. It is linear in the strength of a plan, and for one frequency it is that frequency's
 /// sensation level.
 #[must_use]
-pub fn add_up_peaks_in_threshold_units(hz_and_peaks_m_per_s2: &[(f64, f64)]) -> f64 {
+pub fn sum_peaks_each_divided_by_its_felt_threshold(hz_and_peaks_m_per_s2: &[(f64, f64)]) -> f64 {
     hz_and_peaks_m_per_s2.iter().map(|(hz, acceleration)| acceleration.abs() / felt_threshold_m_per_s2(*hz)).sum()
 }
 
@@ -75,10 +75,10 @@ pub fn threshold_multiple_to_db_unless_at_rest(thresholds: f64) -> Option<f64> {
     Some(20.0 * thresholds.log10()).filter(|db| *db >= LEAST_DB)
 }
 
-/// Level above the threshold in dB, as [`threshold_multiple_to_db_unless_at_rest`] of [`add_up_peaks_in_threshold_units`]; negative below it, `None` where nothing moves.
+/// Level above the threshold in dB, as [`threshold_multiple_to_db_unless_at_rest`] of [`sum_peaks_each_divided_by_its_felt_threshold`]; negative below it, `None` where nothing moves.
 #[must_use]
 pub fn level_above_threshold_unless_at_rest_db(hz_and_peaks_m_per_s2: &[(f64, f64)]) -> Option<f64> {
-    threshold_multiple_to_db_unless_at_rest(add_up_peaks_in_threshold_units(hz_and_peaks_m_per_s2))
+    threshold_multiple_to_db_unless_at_rest(sum_peaks_each_divided_by_its_felt_threshold(hz_and_peaks_m_per_s2))
 }
 
 /// Factor for the strength of `hz_and_peaks_m_per_s2` that brings them to `db_above_threshold` above the threshold; `None` where nothing moves.
@@ -87,7 +87,7 @@ pub fn scale_factor_to_level_unless_at_rest(
     hz_and_peaks_m_per_s2: &[(f64, f64)],
     db_above_threshold: f64,
 ) -> Option<f64> {
-    let times = add_up_peaks_in_threshold_units(hz_and_peaks_m_per_s2);
+    let times = sum_peaks_each_divided_by_its_felt_threshold(hz_and_peaks_m_per_s2);
     (times > 0.0).then(|| amplitude_ratio_of_db(db_above_threshold) / times)
 }
 

@@ -159,7 +159,9 @@ impl GivenPlace {
 
 /// Where two coordinates in m are on the surface; `field` is what the argument is called.
 fn check_coordinates_on_surface_m(scene: &Scene, field: &str, at: (f64, f64)) -> Result<(f64, f64), Raised> {
-    let place = scene.surface_point_at(at.0, at.1).map_err(|error| Raised::place_off_surface(field, at, error))?;
+    let place = scene
+        .surface_or_bar_axis_point_outside_cutouts(at.0, at.1)
+        .map_err(|error| Raised::place_off_surface(field, at, error))?;
     Ok(place.coordinates_m())
 }
 

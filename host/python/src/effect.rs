@@ -9,7 +9,7 @@ use crate::tables::run_with_table_touched_by_scene_finger;
 use era_planner::click::ClickOptions;
 use era_planner::effects::view::EffectView;
 use era_planner::effects::{
-    DesignError, EffectRequest, Intensity, NamedEffect, design_effect_of_windows_if_click_else_of_drives,
+    DesignError, EffectRequest, Intensity, NamedEffect, design_effect_of_windows_if_common_click_exists_else_of_drives,
     plan_request_with_intensity_for_targets_without_one,
 };
 use era_planner::rise::PanelPoles;
@@ -177,7 +177,8 @@ pub fn design_effect_for_place(
             intensity,
         )?;
         let click = ClickOptions { with_best_possible: true, ..request.click_options() };
-        let designed = design_effect_of_windows_if_click_else_of_drives(table, &rise, &plan, request, click)?;
+        let designed =
+            design_effect_of_windows_if_common_click_exists_else_of_drives(table, &rise, &plan, request, click)?;
         Ok(Effect {
             name: named.name().to_owned(),
             target_m: plan.target_m.into(),

@@ -85,17 +85,17 @@ mod _era {
     #[pymodule_export]
     use crate::plan::{Drive, Plan, Predicted, QuietResult, TargetResult, plan_touch};
     #[pymodule_export]
-    use crate::press::{Press, compute_press_report};
+    use crate::press::{Press, compute_actuator_gaps_and_safe_voltages_under_press};
     #[pymodule_export]
-    use crate::reach::{Reach, compute_reach_maps};
+    use crate::reach::{Reach, compute_strongest_peak_and_best_contrast_maps};
     #[pymodule_export]
-    use crate::response::{Response, compute_response};
+    use crate::response::{Response, compute_acceleration_response_per_newton_at_place};
     #[pymodule_export]
     use crate::scene::PyScene;
     #[pymodule_export]
     use crate::study::PyStudy;
     #[pymodule_export]
-    use crate::sweep::{Sweep, sweep_frequencies};
+    use crate::sweep::{Sweep, compute_acceleration_sweep_per_newton_on_grid};
     #[pymodule_export]
     use crate::transient::{Transient, compute_transient_motion};
     #[pymodule_export]

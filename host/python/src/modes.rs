@@ -156,7 +156,10 @@ pub fn compute_modes(
 ) -> PyResult<Modes> {
     let scene = scene.shared_scene();
     let accuracy = arguments::accuracy_from_either_tolerance_or_time_limit_or_balanced(tolerance, within_s)?;
-    let grid = grid.map(arguments::check_columns_and_rows).transpose()?.map(|grid| scene.surface_grid_lines_m(grid));
+    let grid = grid
+        .map(arguments::check_columns_and_rows)
+        .transpose()?
+        .map(|grid| scene.surface_grid_lines_or_bar_axis_line_m(grid));
     let doubts = validity::list_thin_plate_warnings(&scene, max_hz);
     let layers = laminate_as_dict_if_layered(py, &scene)?;
     let (found, shapes) = run_in_pool_interruptibly(py, move || {

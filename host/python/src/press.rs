@@ -117,7 +117,7 @@ impl Press {
 /// (1.0, True)
 #[pyfunction]
 #[pyo3(name = "press", signature = (scene, force_n=None, *, tolerance=None))]
-pub fn compute_press_report(
+pub fn compute_actuator_gaps_and_safe_voltages_under_press(
     py: Python<'_>,
     scene: &PyScene,
     force_n: Option<f64>,

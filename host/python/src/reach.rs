@@ -111,7 +111,7 @@ impl Reach {
 /// (True, True)
 #[pyfunction]
 #[pyo3(name = "reach", signature = (scene, *, zone_m=None, from_hz=None, to_hz=None, tolerance=None))]
-pub fn compute_reach_maps(
+pub fn compute_strongest_peak_and_best_contrast_maps(
     py: Python<'_>,
     scene: &PyScene,
     zone_m: Option<FourNumbers>,

@@ -99,7 +99,7 @@ impl Response {
 /// True
 #[pyfunction]
 #[pyo3(name = "response", signature = (scene, at_m, frequency_hz, *, tolerance=None, within_s=None))]
-pub fn compute_response(
+pub fn compute_acceleration_response_per_newton_at_place(
     py: Python<'_>,
     scene: &PyScene,
     at_m: GivenPlace,

@@ -82,7 +82,7 @@ pub struct PyStudy {
 type ConstructorArguments<'py> = (String, Bound<'py, PyAny>);
 
 impl PyStudy {
-    fn from_study_and_texts(study: Study, text: String, scene_text: String) -> Self {
+    fn from_study_and_texts_choosing_evaluator(study: Study, text: String, scene_text: String) -> Self {
         let options = study.plan_table_options();
         let evaluator: Arc<dyn Evaluator + Send + Sync> = if study.spec.method.thorough {
             Arc::new(ThoroughEvaluator::new(options))
@@ -140,7 +140,7 @@ impl PyStudy {
         let scene_text = scene.source_text().to_owned();
         let study = Study::parse_texts(STUDY, &text, SCENE, &scene_text)
             .map_err(|error| build_scene_exception(py, error, true))?;
-        Ok(Self::from_study_and_texts(study, text, scene_text))
+        Ok(Self::from_study_and_texts_choosing_evaluator(study, text, scene_text))
     }
 
     /// A study from its file, with the scene that it names.
@@ -169,7 +169,7 @@ impl PyStudy {
         let scene_text = read_text_or_raise(&scene)?;
         let study = Study::parse_texts(&source, &text, &scene.display().to_string(), &scene_text)
             .map_err(|error| build_scene_exception(py, error, true))?;
-        Ok(Self::from_study_and_texts(study, text, scene_text))
+        Ok(Self::from_study_and_texts_choosing_evaluator(study, text, scene_text))
     }
 
     /// Its name.
@@ -421,7 +421,7 @@ impl PyStudy {
     /// -------
     /// bytes or None
     #[pyo3(name = "kept")]
-    fn read_encoded_task_rows_if_complete<'py>(
+    fn read_encoded_task_rows_if_complete_creating_absent_folder<'py>(
         &self,
         py: Python<'py>,
         folder: PathBuf,
@@ -531,7 +531,7 @@ impl PyStudy {
     /// ModelWarning
     ///     Gaps of the scene as it is do not bear its press.
     #[pyo3(name = "write")]
-    fn verify_and_write_results_into_folder_and_return_summary<'py>(
+    fn verify_and_write_results_warning_of_press_and_return_summary<'py>(
         &self,
         py: Python<'py>,
         folder: PathBuf,
@@ -577,7 +577,11 @@ impl PyStudy {
     ///     each figure's name with `_low` and `_high` has its least and most over all samples of that. `weakest_x_mm` and `weakest_y_mm` are the weakest place of
     ///     the first figure that has one, if any does, NaN for a design that failed.
     #[pyo3(name = "table")]
-    fn gather_design_table_from_folder<'py>(&self, py: Python<'py>, folder: PathBuf) -> PyResult<Bound<'py, PyDict>> {
+    fn gather_design_table_creating_absent_folder<'py>(
+        &self,
+        py: Python<'py>,
+        folder: PathBuf,
+    ) -> PyResult<Bound<'py, PyDict>> {
         let table = DesignTable::gather_from_folder(&self.study, &self.open_or_create_study_folder(folder)?)
             .map_err(Raised::from)?;
         let rows = || std::iter::once(&table.base).chain(&table.entries);

@@ -114,7 +114,7 @@ struct SweepQuestion {
 #[pyfunction]
 #[pyo3(name = "sweep", signature = (scene, frequency_hz, *, grid=GridSize::from_columns_and_rows(49, 33), tolerance=None, within_s=None),
     text_signature = "(scene, frequency_hz, *, grid=(49, 33), tolerance=None, within_s=None)")]
-pub fn sweep_frequencies(
+pub fn compute_acceleration_sweep_per_newton_on_grid(
     py: Python<'_>,
     scene: &PyScene,
     frequency_hz: GivenFrequencies,
@@ -125,7 +125,7 @@ pub fn sweep_frequencies(
     let scene = scene.shared_scene();
     let frequencies_hz = arguments::check_frequencies_hz(frequency_hz, f64::MIN_POSITIVE)?;
     let accuracy = arguments::accuracy_from_either_tolerance_or_time_limit_or_balanced(tolerance, within_s)?;
-    let (x_m, y_m) = scene.surface_grid_lines_m(arguments::check_columns_and_rows(grid)?);
+    let (x_m, y_m) = scene.surface_grid_lines_or_bar_axis_line_m(arguments::check_columns_and_rows(grid)?);
     refuse_scene_without_actuators(&scene)?;
     check_number_of_values(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
     emit_model_warnings(

@@ -93,7 +93,11 @@ impl<'py> FromPyObject<'_, 'py> for GivenDrive {
 }
 
 impl GivenDrive {
-    fn into_switched_force(self, scene: &Scene, drive_index: usize) -> Result<SwitchedForce, Raised> {
+    fn into_checked_force_switched_on_at_start(
+        self,
+        scene: &Scene,
+        drive_index: usize,
+    ) -> Result<SwitchedForce, Raised> {
         let Self { id, frequency_hz, force_n, phase_rad } = self;
         let known = || scene.actuators.iter().map(|actuator| actuator.id.as_str()).collect::<Vec<_>>().join(", ");
         let actuator = scene.actuators.iter().position(|actuator| actuator.id == id);
@@ -172,7 +176,7 @@ pub fn compute_transient_motion(
     let drives = drives
         .into_iter()
         .enumerate()
-        .map(|(at, drive)| drive.into_switched_force(&scene, at))
+        .map(|(at, drive)| drive.into_checked_force_switched_on_at_start(&scene, at))
         .collect::<Result<Vec<_>, _>>()?;
     if drives.is_empty() {
         return Err(Raised::wrong_argument("len(drives)", 0, "at least 1").into());

@@ -15,8 +15,8 @@ use std::time::Duration;
 use super::Failure;
 use super::headings::{ACCESS, DAEMON, DEVICE, EFFECT, LISTENING, MODEL, NO_HEADING, PLANNER, RECORDING, TOUCH};
 use super::values::{
-    Point, parse_daemon_url_adding_http_if_no_scheme, parse_finite_number, parse_listen_address,
-    parse_outgoing_http_proxy, parse_time, parse_unitless_point,
+    Point, parse_daemon_url_adding_http_if_no_scheme, parse_duration_with_unit_ms_or_s, parse_finite_number,
+    parse_listen_address, parse_outgoing_http_proxy, parse_unitless_point,
 };
 use super::wishes::PlanWishes;
 
@@ -74,7 +74,7 @@ impl PanelOptions {
 pub struct TimeLimit {
     /// Time limit, such as 50ms or 2s, in place of a tolerance: compute the most accurate answer within this time; the
     /// error bound of the answer states its accuracy
-    #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["tolerance", "accuracy"])]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration_with_unit_ms_or_s, conflicts_with_all = ["tolerance", "accuracy"])]
     pub within: Option<Duration>,
 }
 

@@ -45,7 +45,7 @@ pub struct Field {
     #[command(flatten)]
     pub crispness: Crispness,
     /// For --reach and --schemes: use this rectangle, in mm, instead of the whole surface; on a bar, Y0 and Y1 are ignored
-    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners, conflicts_with = "at", allow_hyphen_values = true,
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners_mm_in_any_order, conflicts_with = "at", allow_hyphen_values = true,
         help_heading = REACH)]
     pub zone: Option<Corners>,
     /// For --schemes: give peaks in dB above the threshold of feeling at each frequency, instead of in g
@@ -85,7 +85,7 @@ pub struct Corners {
     pub y: [f64; 2],
 }
 
-pub(super) fn parse_zone_corners(text: &str) -> Result<Corners, String> {
+pub(super) fn parse_zone_corners_mm_in_any_order(text: &str) -> Result<Corners, String> {
     let numbers = text.split(',').map(parse_finite_number).collect::<Result<Vec<_>, _>>()?;
     match numbers.as_slice() {
         [x0, y0, x1, y1] => Ok(Corners { x: [x0.min(*x1), x0.max(*x1)], y: [y0.min(*y1), y0.max(*y1)] }),
@@ -100,8 +100,11 @@ mod tests {
     #[test]
     fn corners_come_in_any_order() {
         let corners = Corners { x: [10.0, 30.0], y: [5.0, 20.0] };
-        assert_eq!(parse_zone_corners("30,5,10,20"), Ok(corners));
-        assert!(parse_zone_corners("30,5,10").is_err() && parse_zone_corners("1,2,3,x").is_err());
+        assert_eq!(parse_zone_corners_mm_in_any_order("30,5,10,20"), Ok(corners));
+        assert!(
+            parse_zone_corners_mm_in_any_order("30,5,10").is_err()
+                && parse_zone_corners_mm_in_any_order("1,2,3,x").is_err()
+        );
     }
 
     #[test]

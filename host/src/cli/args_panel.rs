@@ -120,7 +120,7 @@ pub struct Transient {
     pub unit: Unit,
     /// A drive: ID of the actuator, frequency in Hz, force amplitude in N and phase of the cosine in degrees (default
     /// -90, which gives a sine); can be repeated
-    #[arg(long, value_name = "ID:HZ:NEWTON[:DEG]", value_parser = parse_drive_id_hz_newton_deg, required = true,
+    #[arg(long, value_name = "ID:HZ:NEWTON[:DEG]", value_parser = parse_drive_id_hz_newton_and_optional_deg, required = true,
         help_heading = MOTION)]
     pub drive: Vec<DriveText>,
     /// Duration in s
@@ -146,7 +146,7 @@ pub struct DriveText {
     pub phase_deg: f64,
 }
 
-fn parse_drive_id_hz_newton_deg(text: &str) -> Result<DriveText, String> {
+fn parse_drive_id_hz_newton_and_optional_deg(text: &str) -> Result<DriveText, String> {
     let number = |part: &str| {
         part.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{part:?} is not a number"))
     };

@@ -3,7 +3,7 @@
 use super::args::{DaemonOptions, Touch};
 use super::token::read_token_from_file_or_else_environment;
 use super::wishes::{AdditionalTarget, QuietZoneOption};
-use super::{CommandResult, Failure, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::certificate;
 use crate::connection::{DaemonRoute, HostPort, client_config, describe_redirect};
 use crate::daemon::{OtherTarget, QuietZone, TouchRequest};
@@ -23,7 +23,7 @@ pub fn send_touch_to_daemon_and_print_answer(options: &Touch) -> CommandResult {
     if options.daemon.json {
         return print_json(&answer);
     }
-    print_text(&format_touch_answer(&answer))
+    print_text_after_queued_log(&format_touch_answer(&answer))
 }
 
 /// The request; what was not given is left out, so that the daemon's defaults hold.
@@ -189,7 +189,7 @@ fn print_state(options: &DaemonOptions, answer: &Value) -> CommandResult {
     if options.json {
         return print_json(answer);
     }
-    print_text(&format_state(answer))
+    print_text_after_queued_log(&format_state(answer))
 }
 
 /// The device, its fault, its clock and its channels.
@@ -262,7 +262,7 @@ impl DaemonContact {
     ///
     /// # Errors
     /// A file that cannot be used, or a token that would go through a proxy for everybody there to read.
-    pub fn from_options(daemon: &DaemonOptions) -> Result<Self, Failure> {
+    pub fn from_options_refusing_token_over_proxy_without_tls(daemon: &DaemonOptions) -> Result<Self, Failure> {
         let token = read_token_from_file_or_else_environment(daemon.token_file.as_deref())?;
         Self::new(&daemon.url, daemon.ca.as_deref(), daemon.proxy.as_ref(), token)
     }
@@ -270,7 +270,7 @@ impl DaemonContact {
     /// The same for who finds its token elsewhere.
     ///
     /// # Errors
-    /// As [`Self::from_options`].
+    /// As [`Self::from_options_refusing_token_over_proxy_without_tls`].
     pub fn new(url: &str, ca: Option<&Path>, proxy: Option<&HostPort>, token: Option<String>) -> Result<Self, Failure> {
         if proxy.is_some() && token.is_some() && !url.starts_with("https://") {
             return Err(Failure::Usage(format!(
@@ -293,9 +293,9 @@ impl DaemonContact {
     }
 }
 
-fn add_bearer_token<B>(request: ureq::RequestBuilder<B>, bearer: Option<String>) -> ureq::RequestBuilder<B> {
-    match bearer {
-        Some(bearer) => request.header("Authorization", bearer),
+fn add_bearer_token<B>(request: ureq::RequestBuilder<B>, header_value: Option<String>) -> ureq::RequestBuilder<B> {
+    match header_value {
+        Some(header_value) => request.header("Authorization", header_value),
         None => request,
     }
 }
@@ -313,13 +313,13 @@ pub struct DaemonAnswer {
 ///
 /// # Errors
 /// That there was no answer, or none of a daemon's.
-pub fn request_answer(
+pub fn request_json_answer_of_any_status_but_redirect(
     daemon: &DaemonOptions,
     method: &str,
     path: &str,
     body: Option<Value>,
 ) -> Result<DaemonAnswer, Failure> {
-    let DaemonContact { way, bearer } = DaemonContact::from_options(daemon)?;
+    let DaemonContact { way, bearer } = DaemonContact::from_options_refusing_token_over_proxy_without_tls(daemon)?;
     let agent = way.make_agent(PATIENCE);
     let url = format!("{}{path}", daemon.url);
     let sent = match (method, body) {
@@ -355,14 +355,14 @@ pub fn request_answer(
 /// Calls the daemon; a problem it reports becomes the command's error.
 ///
 /// # Errors
-/// As [`request_answer`], and the problem.
+/// As [`request_json_answer_of_any_status_but_redirect`], and the problem.
 pub fn request_body_failing_on_error_status(
     daemon: &DaemonOptions,
     method: &str,
     path: &str,
     body: Option<Value>,
 ) -> Result<Value, Failure> {
-    let DaemonAnswer { status, body } = request_answer(daemon, method, path, body)?;
+    let DaemonAnswer { status, body } = request_json_answer_of_any_status_but_redirect(daemon, method, path, body)?;
     if (200..300).contains(&status) {
         return Ok(body);
     }

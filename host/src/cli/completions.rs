@@ -1,7 +1,7 @@
 //! `era completions` and `era man`: what a shell and `man` want to know of the command line.
 
 use super::terminal_messages::tell;
-use super::{CommandResult, Failure, print_text};
+use super::{CommandResult, Failure, print_text_after_queued_log};
 use clap::{Args, Command};
 use clap_complete::Shell;
 use era_files::{Readers, replace_file_by};
@@ -27,7 +27,7 @@ pub fn print_completions(options: &Completions, mut command: Command) -> Command
     let name = command.get_name().to_owned();
     let mut script = Vec::new();
     clap_complete::generate(options.shell, &mut command, name, &mut script);
-    print_text(String::from_utf8_lossy(&script).trim_end())
+    print_text_after_queued_log(String::from_utf8_lossy(&script).trim_end())
 }
 
 /// Prints or writes man pages of the whole command line.
@@ -35,7 +35,7 @@ pub fn print_or_write_man_pages(options: &Man, command: Command) -> CommandResul
     let Some(folder) = &options.dir else {
         let mut page = Vec::new();
         clap_mangen::Man::new(command).render(&mut page).map_err(Failure::runtime_error)?;
-        return print_text(String::from_utf8_lossy(&page).trim_end());
+        return print_text_after_queued_log(String::from_utf8_lossy(&page).trim_end());
     };
     let write = || {
         std::fs::create_dir_all(folder)?;

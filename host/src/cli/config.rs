@@ -9,7 +9,7 @@ use super::args::Serve;
 use super::config_keys::{GivenValue, KEYS, Key};
 use super::serve;
 use super::values::parse_listen_address;
-use super::{CommandResult, Failure, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::device::Target;
 use crate::scene::{describe_toml_syntax_mistake, find_nearest_name};
 use crate::text_file::read_text_file;
@@ -311,7 +311,7 @@ fn parse_number_value_or_other(text: &str) -> GivenValue {
 }
 
 /// The options of `era serve`, with those of its configuration file if it names one.
-pub fn fill_in_options_from_config_file(options: &Serve) -> Result<Serve, Failure> {
+pub fn fill_in_options_from_config_file_if_named(options: &Serve) -> Result<Serve, Failure> {
     let Some(path) = &options.config else { return Ok(options.clone()) };
     let file = ConfigFile::read(path).map_err(Failure::usage_error)?;
     for KeyWithOrigin { key, value, line } in file.list_all_keys_with_origin(options) {
@@ -328,7 +328,7 @@ pub fn fill_in_options_from_config_file(options: &Serve) -> Result<Serve, Failur
 pub fn run_config(options: &Config) -> CommandResult {
     match &options.command {
         ConfigCommand::Check(options) => check_config_file_and_print_values_in_use(options),
-        ConfigCommand::Example => print_text(&format_example_config()),
+        ConfigCommand::Example => print_text_after_queued_log(&format_example_config()),
     }
 }
 
@@ -377,7 +377,7 @@ fn check_config_file_and_print_values_in_use(options: &ConfigCheck) -> CommandRe
     if let Some(note) = simulated {
         let _ = write!(text, "\nthe daemon {note}");
     }
-    print_text(&text)
+    print_text_after_queued_log(&text)
 }
 
 /// A file with every key.

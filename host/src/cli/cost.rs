@@ -151,7 +151,7 @@ impl fmt::Display for Cost {
 
 /// A time in words, to one digit.
 #[must_use]
-pub fn describe_duration(time: Duration) -> String {
+pub fn describe_duration_rounded_to_one_digit(time: Duration) -> String {
     let seconds = time.as_secs_f64();
     match seconds {
         s if s < 1.5 => "a second".into(),
@@ -210,7 +210,7 @@ mod tests {
 
     #[test]
     fn times_have_one_digit() {
-        let of = |seconds: f64| describe_duration(Duration::from_secs_f64(seconds));
+        let of = |seconds: f64| describe_duration_rounded_to_one_digit(Duration::from_secs_f64(seconds));
         for (seconds, text) in [
             (0.2, "a second"),
             (3.4, "3 s"),

@@ -7,7 +7,7 @@ use super::headings::{CHECKED, DAEMON};
 use super::serve::listen_place_or_default;
 use super::token::read_token_from_file_or_else_environment;
 use super::values::{parse_daemon_url_adding_http_if_no_scheme, parse_outgoing_http_proxy};
-use super::{CommandResult, Failure, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::certificate::read_certificates;
 use crate::connection::HostPort;
 use crate::device::{Target, priority};
@@ -58,13 +58,13 @@ pub struct Doctor {
 }
 
 pub fn run_doctor(options: &Doctor) -> CommandResult {
-    let findings = judge_facts(&gather_facts(options)?);
+    let findings = judge_facts(&gather_facts_asking_daemon_and_board_on_free_port(options)?);
     let count = |verdict| findings.iter().filter(|finding| finding.verdict == verdict).count();
     let (problems, warnings) = (count(Verdict::Problem), count(Verdict::Warning));
     if options.json {
         print_json(&json!({"findings": findings, "problems": problems, "warnings": warnings}))?;
     } else {
-        print_text(&format_findings(&findings))?;
+        print_text_after_queued_log(&format_findings(&findings))?;
     }
     match problems {
         0 => Ok(()),
@@ -92,7 +92,7 @@ fn format_findings(findings: &[Finding]) -> String {
 }
 
 /// Looks at everything. Only a port that is the board's or named is opened, and only if nobody else has it open.
-fn gather_facts(options: &Doctor) -> Result<Facts, Failure> {
+fn gather_facts_asking_daemon_and_board_on_free_port(options: &Doctor) -> Result<Facts, Failure> {
     let root = Path::new("/");
     let (config, serve) = examine_config_file_and_read_serve_options(options);
     let wanted = match options.device.as_ref().or(serve.device.as_ref()) {

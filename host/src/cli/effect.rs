@@ -1,15 +1,16 @@
 //! `era effect`: an effect as the board would play it, and what the panel would do.
 
 use super::args_effect::EffectOptions;
-use super::effect_file::design_effect_file_for_panel_and_print;
+use super::effect_file::design_effect_file_for_panel_print_and_export_if_asked;
 use super::panel::{
-    collect_plan_bounds, load_or_compute_plan_table, make_target_from_at_option,
+    collect_plan_bounds, load_or_compute_plan_table, make_target_from_at_and_intensity_options,
     prepare_table_with_scene_finger_if_any_at_places, tell_missing_or_exceeded_plan_bounds,
 };
-use super::{CommandResult, Failure, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::effects::{
     self, DesignError, EffectDesign, EffectRequest, EffectWindow, Intensity,
-    design_effect_of_windows_if_click_else_of_drives, intensity, plan_request_with_intensity_for_targets_without_one,
+    design_effect_of_windows_if_common_click_exists_else_of_drives, intensity,
+    plan_request_with_intensity_for_targets_without_one,
 };
 use crate::model::Bound;
 use crate::planner::click::measures::{ClickMeasures, measure_click};
@@ -23,7 +24,7 @@ use std::time::Instant;
 
 pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
     if let Some(path) = &options.from_file.file {
-        return design_effect_file_for_panel_and_print(options, path);
+        return design_effect_file_for_panel_print_and_export_if_asked(options, path);
     }
     if let Some(option) = options.from_file.find_given_option_that_requires_missing_file() {
         return Err(Failure::usage_error(format!("{option} is given, but is allowed only with --file")));
@@ -42,7 +43,7 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
         prefer: options.crispness.prefer,
     };
     request.build_envelope_or_plain_push_if_click().map_err(Failure::usage_error)?;
-    let target = make_target_from_at_option(&scene, &options.at)?;
+    let target = make_target_from_at_and_intensity_options(&scene, &options.at)?;
     let table = prepare_table_with_scene_finger_if_any_at_places(
         &options.panel,
         options.keep,
@@ -61,7 +62,7 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
     )?;
     let started = Instant::now();
     let click = ClickOptions { with_best_possible: true, ..request.click_options() };
-    let design = design_effect_of_windows_if_click_else_of_drives(&table, &rise, &plan, request, click)
+    let design = design_effect_of_windows_if_common_click_exists_else_of_drives(&table, &rise, &plan, request, click)
         .map_err(Failure::runtime_error)?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let without_finger = match scene.finger {
@@ -91,7 +92,7 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
             let quiet_ms = own.quiet_s.map(|quiet_s| 1e3 * quiet_s);
             answer["without_finger"] = json!({
                 "peak_g": own.peak / STANDARD_GRAVITY, "peak_at_ms": 1e3 * own.peak_s, "quiet_ms": quiet_ms,
-                "crisp": click.is_motion_crisp(&own)
+                "crisp": click.does_motion_peak_and_become_quiet_in_time(&own)
             });
         }
         return print_json(&answer);
@@ -161,7 +162,7 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
         let _ = write!(text, " (without the braking part of the effect: {})", ms(Some(unbraked)));
     }
     if let Some(own) = without_finger {
-        let crisp = if click.is_motion_crisp(&own) { "crisp" } else { "not crisp" };
+        let crisp = if click.does_motion_peak_and_become_quiet_in_time(&own) { "crisp" } else { "not crisp" };
         let quiet =
             own.quiet_s.map_or_else(|| "for more than 850 ms".to_owned(), |s| format!("until {:.1} ms", 1e3 * s));
         let peak_g = own.peak / STANDARD_GRAVITY;
@@ -183,7 +184,7 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
     if let Some(limit) = &design.limited_by {
         let _ = write!(text, "\nlimited by {limit}");
     }
-    print_text(&text)
+    print_text_after_queued_log(&text)
 }
 
 /// What the windows of a click do at the target when no finger is there: the daemon drives a panel whose finger may lift at any time.

@@ -3,8 +3,8 @@
 use super::args::Touch;
 use super::args_effect::EffectOptions;
 use super::client::request_body_failing_on_error_status;
-use super::panel::{make_target_from_at_option, prepare_table_with_scene_finger_if_any_at_places};
-use super::{CommandResult, Failure, print_json, print_text};
+use super::panel::{make_target_from_at_and_intensity_options, prepare_table_with_scene_finger_if_any_at_places};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::effect_files::motion::{RATE_HZ, format_csv, format_wav, sample_acceleration_g};
 use crate::effect_files::panel::{
     PanelEffect, PanelEffectError, PartKind, ScaleView, design_parts_for_panel, place_of_part_m,
@@ -40,12 +40,12 @@ impl From<PanelEffectError> for Failure {
     }
 }
 
-pub fn design_effect_file_for_panel_and_print(options: &EffectOptions, path: &Path) -> CommandResult {
+pub fn design_effect_file_for_panel_print_and_export_if_asked(options: &EffectOptions, path: &Path) -> CommandResult {
     let scene = options.panel.load_scene()?;
     let named = |error: ReadError| Failure::usage_error(format!("{}: {error}", path.display()));
     let list = read_effect_bytes(&read_file_cut_one_byte_over_limit(path)?, options.from_file.format).map_err(named)?;
     let (parts, warnings) = cut_events_into_parts(&list).map_err(named)?;
-    let target = make_target_from_at_option(&scene, &options.at)?;
+    let target = make_target_from_at_and_intensity_options(&scene, &options.at)?;
     let touched_m = (target.x_m, target.y_m);
     let mut places_m: Vec<(f64, f64)> = parts.iter().map(|part| place_of_part_m(part, touched_m)).collect();
     places_m.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -65,11 +65,11 @@ pub fn design_effect_file_for_panel_and_print(options: &EffectOptions, path: &Pa
         answer["events"] = json!(list.events);
         return print_json(&answer);
     }
-    print_text(&format_effect_file_report(path, &view))
+    print_text_after_queued_log(&format_effect_file_report(path, &view))
 }
 
 /// Lets the daemon play a file at the touched place.
-pub fn send_effect_file_to_daemon_and_print(options: &Touch, path: &Path) -> CommandResult {
+pub fn play_effect_file_through_daemon_and_print_answer(options: &Touch, path: &Path) -> CommandResult {
     let bytes = read_file_cut_one_byte_over_limit(path)?;
     let named = |error: ReadError| Failure::usage_error(format!("{}: {error}", path.display()));
     let format = options.format.map_or_else(|| detect_format(&bytes), Ok).map_err(named)?;
@@ -86,7 +86,7 @@ pub fn send_effect_file_to_daemon_and_print(options: &Touch, path: &Path) -> Com
     if options.daemon.json {
         return print_json(&answer);
     }
-    print_text(&format_played_effect_file(path, &answer))
+    print_text_after_queued_log(&format_played_effect_file(path, &answer))
 }
 
 fn format_played_effect_file(path: &Path, answer: &Value) -> String {

@@ -2,23 +2,23 @@
 
 use super::args::At;
 use super::args_field::Field;
-use super::output::write_text_file;
+use super::output::write_text_file_atomically;
 use super::panel::{
-    make_target_from_at_option, prepare_table_with_scene_finger_if_any_at_places, tell_missing_or_exceeded_bounds,
-    tell_missing_or_exceeded_plan_bounds,
+    make_target_from_at_and_intensity_options, prepare_table_with_scene_finger_if_any_at_places,
+    tell_missing_or_exceeded_plan_bounds, tell_why_bound_is_missing_or_largest_exceeds_tolerance,
 };
 use super::progress::run_with_progress;
 use super::terminal_messages::tell;
-use super::{CommandResult, Failure, field_click, print_json, print_text, reach};
+use super::{CommandResult, Failure, field_click, print_json, print_text_after_queued_log, reach};
 use crate::maps;
 use crate::model::Bound;
 use crate::study::tolerances;
 use serde_json::json;
 
 /// Runs it.
-pub fn run_field_command_mapping_touch_click_or_reach(options: &Field) -> CommandResult {
+pub fn map_touch_click_or_reach_or_compare_drive_schemes(options: &Field) -> CommandResult {
     if let Some(effect) = options.effect {
-        return field_click::compute_and_write_click_map(options, effect);
+        return field_click::compute_and_write_click_map_refusing_other_effects(options, effect);
     }
     if let Some(crisp_ms) = options.crispness.crisp_ms {
         return Err(Failure::usage_error(format!(
@@ -42,14 +42,14 @@ pub fn run_field_command_mapping_touch_click_or_reach(options: &Field) -> Comman
         }
     };
     let scene = options.panel.load_scene()?;
-    let target = make_target_from_at_option(&scene, &at)?;
+    let target = make_target_from_at_and_intensity_options(&scene, &at)?;
     let touched = [(target.x_m, target.y_m)];
     let table = prepare_table_with_scene_finger_if_any_at_places(&options.panel, options.keep, &scene, &touched)?;
     let plan = table.plan(&[target])?;
     let field = maps::PeakField::from_plan(&table, &plan);
     let bound = crate::planner::plan::bound_field_error_relative_to_largest_peak(&table, &plan);
     let accuracy = options.panel.accuracy()?;
-    tell_missing_or_exceeded_bounds(&[bound], accuracy);
+    tell_why_bound_is_missing_or_largest_exceeds_tolerance(&[bound], accuracy);
     tell_missing_or_exceeded_plan_bounds(&[&plan], accuracy, options.panel.explain);
     if let Some(path) = &options.png {
         reach::tell_picture_written(
@@ -64,7 +64,7 @@ pub fn run_field_command_mapping_touch_click_or_reach(options: &Field) -> Comman
     }
     let to_output = options.csv.as_ref().is_some_and(|path| path.as_os_str() == "-");
     if let Some(path) = options.csv.as_ref().filter(|_| !to_output) {
-        write_text_file(path, &field.to_csv())?;
+        write_text_file_atomically(path, &field.to_csv())?;
     }
     let off = options.spread.map(|off| {
         let looked = || tolerances::compute_target_peak_spread_under_tolerances(&scene, &touched, &plan, off);
@@ -90,7 +90,7 @@ pub fn run_field_command_mapping_touch_click_or_reach(options: &Field) -> Comman
         tell!("{}", off.describe_in_words());
     }
     if to_output || options.png.is_none() && options.csv.is_none() {
-        return print_text(field.to_csv().trim_end());
+        return print_text_after_queued_log(field.to_csv().trim_end());
     }
     Ok(())
 }

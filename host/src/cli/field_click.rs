@@ -3,9 +3,9 @@
 use super::args_field::Field;
 use super::panel::{check_has_actuators, load_or_compute_plan_table};
 use super::progress::run_with_progress;
-use super::reach::{format_place, tell_picture_written, write_csv_true_if_to_stdout};
+use super::reach::{format_place, tell_picture_written, write_csv_if_asked_true_if_to_stdout};
 use super::terminal_messages::tell;
-use super::{CommandResult, Failure, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::effects::{DesignError, EffectRequest, NamedEffect};
 use crate::planner::maps::ClickMap;
 use crate::planner::maps::clicks::{ClickMapError, PlaceClick};
@@ -28,7 +28,7 @@ impl From<ClickMapError> for Failure {
 }
 
 /// Designs the click at every place, and writes what is asked for.
-pub fn compute_and_write_click_map(options: &Field, effect: NamedEffect) -> CommandResult {
+pub fn compute_and_write_click_map_refusing_other_effects(options: &Field, effect: NamedEffect) -> CommandResult {
     if effect != NamedEffect::Click {
         return Err(Failure::usage_error(format!("--effect is {}, but must be click", effect.name())));
     }
@@ -50,7 +50,7 @@ pub fn compute_and_write_click_map(options: &Field, effect: NamedEffect) -> Comm
     if let Some(path) = &options.png {
         tell_picture_written(path, map.write_quiet_time_png(path, &scene).map_err(Failure::runtime_error)?);
     }
-    if write_csv_true_if_to_stdout(options, &map.to_csv())? {
+    if write_csv_if_asked_true_if_to_stdout(options, &map.to_csv())? {
         return Ok(());
     }
     if options.json {
@@ -59,7 +59,12 @@ pub fn compute_and_write_click_map(options: &Field, effect: NamedEffect) -> Comm
             "least_peak_g": map.find_weakest_place().map(|place| place.peak_g), "places": map.places().collect::<Vec<_>>(),
         }));
     }
-    print_text(&format!("{}, clicks of {} g\n{}", scene.name, map.intensity_g, describe_click_map(&map)))
+    print_text_after_queued_log(&format!(
+        "{}, clicks of {} g\n{}",
+        scene.name,
+        map.intensity_g,
+        describe_click_map(&map)
+    ))
 }
 
 /// The figures of a map, and the places that are not crisp, those that are quiet last first.

@@ -48,13 +48,14 @@ pub fn run_flash(options: &Flash) -> CommandResult {
     let way = job.choose_requested_way_or_probe_if_usable_else_dfu()?;
     let board = job.open_idle_board_unless_none_runs_firmware(way)?;
     let (before, first_stage_replaced) = match way {
-        FlashRoute::Probe => (job.flash_by_probe_and_get_previous_firmware(board)?, None),
+        FlashRoute::Probe => (job.ask_and_flash_by_probe_and_get_previous_firmware(board)?, None),
         FlashRoute::Dfu => {
-            let DfuFlashed { previous_firmware, was_first_stage_replaced } = job.flash_by_dfu(board)?;
+            let DfuFlashed { previous_firmware, was_first_stage_replaced } =
+                job.ask_and_flash_by_dfu_entering_bootloader_first(board)?;
             (previous_firmware, Some(was_first_stage_replaced))
         }
     };
-    let runs = job.await_new_firmware_false_if_no_board_answers()?;
+    let runs = job.await_new_firmware_false_if_silent_error_if_other_firmware()?;
     if options.json {
         return print_json(&json!({
             "image": {"path": job.path, "name": job.image.header.name(), "firmware": version_to_json(job.image.header.firmware)},
@@ -119,7 +120,7 @@ impl FlashJob<'_> {
         }
     }
 
-    fn flash_by_probe_and_get_previous_firmware(
+    fn ask_and_flash_by_probe_and_get_previous_firmware(
         &self,
         board: Option<Board>,
     ) -> Result<Option<InstalledFirmware>, Failure> {
@@ -145,7 +146,7 @@ impl FlashJob<'_> {
         Ok(before)
     }
 
-    fn flash_by_dfu(&self, board: Option<Board>) -> Result<DfuFlashed, Failure> {
+    fn ask_and_flash_by_dfu_entering_bootloader_first(&self, board: Option<Board>) -> Result<DfuFlashed, Failure> {
         let before = board.as_ref().map(Board::installed_firmware);
         let (device, allowed) = match board {
             Some(board) => {
@@ -214,7 +215,7 @@ impl FlashJob<'_> {
     }
 
     /// Waits for the new firmware; whether it answers. Over which port it would is not known if none was named.
-    fn await_new_firmware_false_if_no_board_answers(&self) -> Result<bool, Failure> {
+    fn await_new_firmware_false_if_silent_error_if_other_firmware(&self) -> Result<bool, Failure> {
         let target = self.options.port.clone().unwrap_or(Target::Auto);
         match Board::wait_for(&target) {
             Ok(board) if board.identity.firmware == self.image.header.firmware => {

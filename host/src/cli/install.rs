@@ -4,7 +4,7 @@ use super::args::Serve;
 use super::config::{self, ConfigFile};
 use super::headings::{ACCESS, FILES, SERVICE};
 use super::terminal_messages::tell;
-use super::{CommandResult, Failure, print_text};
+use super::{CommandResult, Failure, print_text_after_queued_log};
 use crate::daemon::Recorder;
 use crate::install::files::{self, FileChange};
 use crate::install::{rule, unit};
@@ -75,7 +75,7 @@ struct WantedFile {
     text: String,
 }
 
-pub fn run_install(options: &Install) -> CommandResult {
+pub fn install_print_or_remove_udev_rule_and_unit(options: &Install) -> CommandResult {
     // Paths of the configuration are absolute, and are cut by this one.
     let root = options.root.as_deref().map(std::path::absolute).transpose().map_err(Failure::runtime_error)?;
     let options = &Install { root, ..options.clone() };
@@ -91,7 +91,7 @@ pub fn run_install(options: &Install) -> CommandResult {
         let files: Vec<String> =
             wanted.iter().map(|file| format!("# {}\n{}", file.path.display(), file.text)).collect();
         warn_what_keeps_service_from_working(options, &config, &wanted);
-        return print_text(files.join("\n").trim_end());
+        return print_text_after_queued_log(files.join("\n").trim_end());
     }
     // All or nothing, as far as it can be known beforehand.
     for file in &wanted {
@@ -108,7 +108,7 @@ pub fn run_install(options: &Install) -> CommandResult {
         if options.remove && file.part == InstalledPart::Service {
             remove_dangling_enable_links_of_unit(&file.path);
         }
-        print_text(&format!("{done} {}", file.path.display()))?;
+        print_text_after_queued_log(&format!("{done} {}", file.path.display()))?;
         if !matches!(done, FileChange::Unchanged | FileChange::Absent) {
             changed.push(file.part);
         }
@@ -119,7 +119,7 @@ pub fn run_install(options: &Install) -> CommandResult {
     let steps = list_commands_to_run_next(options, &changed, &config);
     // Whoever makes a package runs nothing now.
     if options.root.is_none() && !steps.is_empty() {
-        print_text(&format!("now run:\n  {}", steps.join("\n  ")))?;
+        print_text_after_queued_log(&format!("now run:\n  {}", steps.join("\n  ")))?;
     }
     Ok(())
 }
@@ -152,10 +152,10 @@ fn list_udev_rule_and_unit_files(options: &Install, config_path: &Path) -> Resul
 }
 
 /// What `era serve` would use of the configuration, as far as it can be read; paths as the service sees them.
-fn read_service_options(options: &Install, config: &Path) -> Option<Serve> {
+fn read_serve_options_with_target_root_removed_from_paths(options: &Install, config: &Path) -> Option<Serve> {
     let (root, there) = (target_root_folder(options), path_below_target_root(options, config));
     let mut serve =
-        config::fill_in_options_from_config_file(&Serve { config: Some(there), ..Serve::default() }).ok()?;
+        config::fill_in_options_from_config_file_if_named(&Serve { config: Some(there), ..Serve::default() }).ok()?;
     for path in [&mut serve.token_file, &mut serve.tls_cert, &mut serve.tls_key, &mut serve.tls_dir, &mut serve.record]
     {
         if let Some(path) = path.as_mut()
@@ -169,7 +169,8 @@ fn read_service_options(options: &Install, config: &Path) -> Option<Serve> {
 
 /// What of it the service, whose user is its own, can only have from root.
 fn list_secret_files_that_systemd_must_pass_to_service(options: &Install, config: &Path) -> unit::Secrets {
-    let Some(serve) = read_service_options(options, config).filter(|_| !options.user) else {
+    let Some(serve) = read_serve_options_with_target_root_removed_from_paths(options, config).filter(|_| !options.user)
+    else {
         return unit::Secrets::default();
     };
     unit::Secrets { tokens: serve.token_file, tls: serve.tls_cert.zip(serve.tls_key) }
@@ -249,7 +250,9 @@ fn warn_what_keeps_service_from_working(options: &Install, config: &Path, wanted
     } else if options.root.is_none() {
         tell!("{} does not exist yet: the service does not start without this file", config.display());
     }
-    if let Some(serve) = read_service_options(options, config).filter(|_| !options.user) {
+    if let Some(serve) =
+        read_serve_options_with_target_root_removed_from_paths(options, config).filter(|_| !options.user)
+    {
         for path in serve.token_file.iter().chain(&serve.tls_key) {
             if let Err(error) = private_file::read(&path_below_target_root(options, path)) {
                 tell!("{}: {error}", path.display());

@@ -5,7 +5,7 @@ mod first;
 use super::args::Latency;
 use super::panel::load_or_compute_plan_table;
 use super::serve::open_device;
-use super::{CommandResult, Failure, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::daemon::{App, BackgroundDaemon};
 use crate::device::Target;
 use crate::verify::spread_points;
@@ -89,7 +89,7 @@ pub fn measure_touch_latency_on_simulated_device(options: &Latency) -> CommandRe
             "refused": refused, "delayed": delayed, "delayed_ms_longest": longest_ms,
         }));
     }
-    print_text(&format!(
+    print_text_after_queued_log(&format!(
         "{} touches on {}; the daemon and the simulated device run in one process, and each time includes \
          the planning\n\
          time from POST /v1/touch           median      p99      max\n\

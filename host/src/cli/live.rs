@@ -27,7 +27,7 @@ pub fn open_live_socket(daemon: &DaemonOptions, query: &str) -> Result<Socket, F
     let failed =
         |what: &dyn std::fmt::Display| Failure::runtime_error(format!("cannot open the live socket {url}: {what}"));
     let mut request = url.as_str().into_client_request().map_err(|error| failed(&error))?;
-    let DaemonContact { way, bearer } = DaemonContact::from_options(daemon)?;
+    let DaemonContact { way, bearer } = DaemonContact::from_options_refusing_token_over_proxy_without_tls(daemon)?;
     if let Some(bearer) = bearer {
         let mut value = HeaderValue::try_from(bearer).map_err(|error| failed(&error))?;
         value.set_sensitive(true);

@@ -10,7 +10,7 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
 /// Logs to standard error: warnings and the daemon's news, or what `-v`, `-vv` or the variable `ERA_LOG` ask for.
-pub fn start_log(verbose: u8, format: LogFormat) {
+pub fn start_standard_error_log_filtered_by_era_log_or_verbosity(verbose: u8, format: LogFormat) {
     let default = match verbose {
         0 => "warn,era=info",
         1 => "info,era=debug",

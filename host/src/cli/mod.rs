@@ -77,7 +77,7 @@ impl Failure {
     }
 
     /// What is said of it; nothing where that has been told.
-    fn message(&self) -> String {
+    fn message_or_empty_if_already_reported(&self) -> String {
         match self {
             Failure::Usage(text) | Failure::Failed(text) => text.clone(),
             Failure::Defect => String::new(),
@@ -93,7 +93,7 @@ pub fn main() -> ExitCode {
     let started = Instant::now();
     era_files::tell_size_limit_as_error();
     let arguments = command::Arguments::try_parse().unwrap_or_else(|mut error| {
-        hide_secrets_in_argument_error(&mut error);
+        hide_secrets_of_url_or_proxy_in_argument_error(&mut error);
         // `--help` is near every short option by its letters, but nobody has meant it.
         let suggested = error.get(clap::error::ContextKind::SuggestedArg).map(ToString::to_string);
         if suggested.as_deref() == Some("--help") {
@@ -107,19 +107,19 @@ pub fn main() -> ExitCode {
             command::Arguments::command().get_subcommands().any(|own| given.iter().any(|word| word == own.get_name()));
         if let (clap::error::ErrorKind::UnknownArgument, false) = (error.kind(), has_command) {
             let wrong = error.get(clap::error::ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
-            print_argument_error_and_exit(
+            print_argument_error_or_help_and_exit(
                 &error,
                 &format!("Options must follow a command; options of the daemon follow `serve`: era serve {wrong} ..."),
             );
         }
-        print_argument_error_and_exit(&error, "")
+        print_argument_error_or_help_and_exit(&error, "")
     });
     terminal_messages::set_log_format(arguments.log_format);
     // Before any thread is started, the log's included.
     if matches!(arguments.command, None | Some(command::Command::Serve(_))) {
         signals::block_background_terminal_stop_signals();
     }
-    log::start_log(arguments.verbose, arguments.log_format);
+    log::start_standard_error_log_filtered_by_era_log_or_verbosity(arguments.verbose, arguments.log_format);
     std::panic::set_hook(Box::new(|panic| {
         let place = panic.location().map(|at| format!(" at {}:{}", at.file(), at.line())).unwrap_or_default();
         let what = panic.payload_as_str().unwrap_or("no message").lines().next().unwrap_or_default();
@@ -148,7 +148,7 @@ pub fn main() -> ExitCode {
 }
 
 /// Takes out of what is said of a wrong address what may be a password or a token.
-fn hide_secrets_in_argument_error(error: &mut clap::Error) {
+fn hide_secrets_of_url_or_proxy_in_argument_error(error: &mut clap::Error) {
     use clap::error::{ContextKind, ContextValue};
     let option = error.get(ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
     if ["--url", "--proxy"].iter().any(|own| option.starts_with(own))
@@ -160,7 +160,7 @@ fn hide_secrets_in_argument_error(error: &mut clap::Error) {
 }
 
 /// Ends the program as its arguments cannot be read, or ask for help.
-fn print_argument_error_and_exit(error: &clap::Error, hint: &str) -> ! {
+fn print_argument_error_or_help_and_exit(error: &clap::Error, hint: &str) -> ! {
     match terminal_messages::find_requested_log_format(std::env::args_os()) {
         terminal_messages::LogFormat::Json if error.use_stderr() => {
             terminal_messages::tell_why_command_did_not_start(
@@ -190,11 +190,10 @@ fn run_command(arguments: command::Arguments, started: Instant) -> CommandResult
     match arguments.command {
         // Without a command the main job runs: daemon, example plate, simulated device, web page.
         None => serve::run_serve(&args::Serve::default(), started),
-        Some(Command::Serve(options)) => {
-            config::fill_in_options_from_config_file(&options).and_then(|options| serve::run_serve(&options, started))
-        }
+        Some(Command::Serve(options)) => config::fill_in_options_from_config_file_if_named(&options)
+            .and_then(|options| serve::run_serve(&options, started)),
         Some(Command::Touch(options)) => match &options.file {
-            Some(file) => effect_file::send_effect_file_to_daemon_and_print(&options, file),
+            Some(file) => effect_file::play_effect_file_through_daemon_and_print_answer(&options, file),
             None => client::send_touch_to_daemon_and_print_answer(&options),
         },
         Some(Command::Stop(options)) => client::send_stop_to_daemon_and_print_state(&options),
@@ -208,15 +207,15 @@ fn run_command(arguments: command::Arguments, started: Instant) -> CommandResult
         Some(Command::Transient(options)) => transient::run_transient(&options),
         Some(Command::Plan(options)) => plan::run_plan(&options),
         Some(Command::Effect(options)) => effect::design_and_print_effect(&options),
-        Some(Command::Field(options)) => field::run_field_command_mapping_touch_click_or_reach(&options),
+        Some(Command::Field(options)) => field::map_touch_click_or_reach_or_compare_drive_schemes(&options),
         Some(Command::Study(options)) => study::run_study(&options),
-        Some(Command::Verify(options)) => verify::verify_plans_by_time_simulation(&options),
+        Some(Command::Verify(options)) => verify::verify_plans_by_time_simulation_failing_above_limit(&options),
         Some(Command::Replay(options)) => replay::run_replay(&options),
         Some(Command::Latency(options)) => latency::measure_touch_latency_on_simulated_device(&options),
         Some(Command::Flash(options)) => flash::run_flash(&options),
         Some(Command::Monitor(options)) => monitor::decode_and_print_board_log(&options),
         Some(Command::Doctor(options)) => doctor::run_doctor(&options),
-        Some(Command::Install(options)) => install::run_install(&options),
+        Some(Command::Install(options)) => install::install_print_or_remove_udev_rule_and_unit(&options),
         Some(Command::Config(options)) => config::run_config(&options),
         Some(Command::Completions(options)) => completions::print_completions(&options, command::Arguments::command()),
         Some(Command::Man(options)) => completions::print_or_write_man_pages(&options, command::Arguments::command()),
@@ -226,11 +225,11 @@ fn run_command(arguments: command::Arguments, started: Instant) -> CommandResult
 /// Writes a line of JSON to standard output.
 fn print_json(value: &impl serde::Serialize) -> CommandResult {
     let text = serde_json::to_string(value).map_err(Failure::runtime_error)?;
-    print_text(&text)
+    print_text_after_queued_log(&text)
 }
 
 /// Writes to standard output; a reader that has gone away (`| head`) is no failure.
-fn print_text(text: &str) -> CommandResult {
+fn print_text_after_queued_log(text: &str) -> CommandResult {
     use std::io::{ErrorKind, Write};
     // What has been logged before stands before it.
     standard_error::wait_until_queue_is_written_or_timeout();

@@ -2,14 +2,14 @@
 
 use super::args_panel::Modes as Options;
 use super::cost::Cost;
-use super::output::write_text_file;
+use super::output::write_text_file_atomically;
 use super::panel::{
-    format_bound, tell_missing_or_exceeded_bounds, tell_refinement_steps_if_asked,
-    warn_if_too_thick_for_thin_plate_theory,
+    format_bound_or_not_known, tell_model_scope_and_mesh_accuracy_if_explaining,
+    tell_why_bound_is_missing_or_largest_exceeds_tolerance, warn_if_too_thick_for_thin_plate_theory,
 };
-use super::progress::{run_with_progress, run_with_progress_and_expected_cost};
+use super::progress::{run_telling_expected_cost_and_showing_progress, run_with_progress};
 use super::terminal_messages::tell;
-use super::{CommandResult, Failure, print_json, print_text, reach};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log, reach};
 use crate::maps::shapes::ModeShapes;
 use crate::maps::{mode_sheet, npy};
 use crate::model::{Bound, PanelMode, compute_modes_with_error_bounds};
@@ -29,17 +29,17 @@ pub fn run_modes(options: &Options) -> CommandResult {
     let accuracy = options.panel.accuracy_from_time_limit_or_options(options.time)?;
     let wants_shapes = options.csv.is_some() || options.npy.is_some() || options.png.is_some();
     let cost = Cost::estimate_for_modes_unless_time_limited(&scene, accuracy, options.max_hz)?;
-    let found = run_with_progress_and_expected_cost("computing modes", cost, || {
+    let found = run_telling_expected_cost_and_showing_progress("computing modes", cost, || {
         compute_modes_with_error_bounds(&scene, accuracy, options.max_hz)
     })?;
     // Only of what was not refused.
     warn_if_too_thick_for_thin_plate_theory(&scene, options.max_hz);
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let dofs = found.model.count_unknowns();
-    tell_refinement_steps_if_asked(&options.panel, &scene, accuracy, &found.steps);
-    tell_missing_or_exceeded_bounds(&found.bounds, accuracy);
+    tell_model_scope_and_mesh_accuracy_if_explaining(&options.panel, &scene, accuracy, &found.steps);
+    tell_why_bound_is_missing_or_largest_exceeds_tolerance(&found.bounds, accuracy);
     if wants_shapes {
-        let grid = scene.surface_grid_lines_m(options.grid);
+        let grid = scene.surface_grid_lines_or_bar_axis_line_m(options.grid);
         refuse_too_many_mode_shape_values(grid.0.len() * grid.1.len(), found.answer.len())?;
         let shapes =
             run_with_progress("computing the shapes", || ModeShapes::compute(&scene, &found, options.max_hz, grid))?;
@@ -73,7 +73,7 @@ pub fn run_modes(options: &Options) -> CommandResult {
         .laminate_if_layered()
         .map_or_else(String::new, |laminate| format_laminate_totals_line(&scene, &laminate));
     let heading = format!("{}: {dofs} unknowns, computed in {elapsed_ms:.0} ms{layers}", scene.name);
-    print_text(&format_mode_table(&heading, modes()))
+    print_text_after_queued_log(&format_mode_table(&heading, modes()))
 }
 
 /// What a scene's layers are together.
@@ -117,7 +117,7 @@ fn format_mode_table<'a>(heading: &str, modes: impl Iterator<Item = (&'a PanelMo
     let mut text =
         format!("{heading}\n mode   frequency   error at most   damping ratio   pole at   pole error at most");
     for (i, (mode, bound)) in modes.enumerate() {
-        let (bound, own) = (format_bound(*bound), format_bound(mode.pole_bound));
+        let (bound, own) = (format_bound_or_not_known(*bound), format_bound_or_not_known(mode.pole_bound));
         let PanelMode { frequency_hz, damping_ratio, pole, .. } = mode;
         // Of a pole that is not known there are none.
         let known = |value: f64, shown: String| if value.is_finite() { shown } else { "-".into() };
@@ -165,13 +165,13 @@ fn write_mode_shapes_true_if_to_stdout(options: &Options, scene: &Scene, shapes:
         }
         reach::tell_picture_written(
             path,
-            mode_sheet::write_mode_sheet_png(path, scene, shapes).map_err(Failure::runtime_error)?,
+            mode_sheet::write_sheet_of_first_modes_png(path, scene, shapes).map_err(Failure::runtime_error)?,
         );
     }
     match &options.csv {
-        Some(path) if path.as_os_str() == "-" => print_text(shapes.to_csv().trim_end()).map(|()| true),
+        Some(path) if path.as_os_str() == "-" => print_text_after_queued_log(shapes.to_csv().trim_end()).map(|()| true),
         Some(path) => {
-            write_text_file(path, &shapes.to_csv())?;
+            write_text_file_atomically(path, &shapes.to_csv())?;
             tell!("wrote {}", path.display());
             Ok(false)
         }

@@ -1,7 +1,7 @@
 //! `era monitor`: the log of a board's firmware.
 
 use super::args_board::Monitor;
-use super::{CommandResult, Failure, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::device::Target;
 use crate::doctor::machine;
 use crate::flash::board::Board;
@@ -50,7 +50,7 @@ pub fn decode_and_print_board_log(options: &Monitor) -> CommandResult {
         let mut lines = Vec::new();
         decoder.feed(&bytes, |line| lines.push(line));
         for line in lines {
-            if options.json { print_json(&line)? } else { print_text(&line.to_string())? }
+            if options.json { print_json(&line)? } else { print_text_after_queued_log(&line.to_string())? }
         }
     }
 }

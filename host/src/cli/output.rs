@@ -8,7 +8,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`Failure::Failed`] with the path and the system's reason.
-pub fn write_text_file(path: &Path, text: &str) -> Result<(), Failure> {
+pub fn write_text_file_atomically(path: &Path, text: &str) -> Result<(), Failure> {
     replace_file(path, Readers::ByUmask, text.as_bytes())
         .map_err(|error| Failure::runtime_error(format!("cannot write {}: {error}", path.display())))
 }

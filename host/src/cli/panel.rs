@@ -4,9 +4,9 @@ use super::args::{At, CacheOptions, PanelOptions, Unit};
 use super::args_panel::{Band, Response};
 use super::cost::Cost;
 use super::explain::explain_model_scope_and_mesh_accuracy;
-use super::progress::{run_with_progress, run_with_progress_and_expected_cost};
+use super::progress::{run_telling_expected_cost_and_showing_progress, run_with_progress};
 use super::terminal_messages::tell;
-use super::{CommandResult, Failure, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::model::bounded::RefinementLevel;
 use crate::model::levels::ReducedLevels;
 use crate::model::{Accuracy, Bound, ModelError, validity};
@@ -92,7 +92,7 @@ pub fn check_has_actuators(scene: &Scene) -> Result<(), Failure> {
 }
 
 /// `--explain`.
-pub fn tell_refinement_steps_if_asked(
+pub fn tell_model_scope_and_mesh_accuracy_if_explaining(
     panel: &PanelOptions,
     scene: &Scene,
     accuracy: Accuracy,
@@ -103,13 +103,13 @@ pub fn tell_refinement_steps_if_asked(
     }
 }
 
-/// A bound in a table; why there is none is said by [`tell_missing_or_exceeded_bounds`].
-pub fn format_bound(bound: Bound) -> String {
+/// A bound in a table; why there is none is said by [`tell_why_bound_is_missing_or_largest_exceeds_tolerance`].
+pub fn format_bound_or_not_known(bound: Bound) -> String {
     bound.limit_if_known().map_or_else(|| String::from("not known"), |bound| format!("{bound:.0e}"))
 }
 
 /// Says on standard error why bounds are missing, and where they are above what was asked for.
-pub fn tell_missing_or_exceeded_bounds(bounds: &[Bound], accuracy: Accuracy) {
+pub fn tell_why_bound_is_missing_or_largest_exceeds_tolerance(bounds: &[Bound], accuracy: Accuracy) {
     if let Some(reason) = bounds.iter().find_map(|bound| bound.reason_if_unknown()) {
         tell!("no bound of the model error is known (error_bound is null), because {reason}");
     }
@@ -124,7 +124,7 @@ pub fn tell_missing_or_exceeded_bounds(bounds: &[Bound], accuracy: Accuracy) {
 
 /// Says on standard error where the bound on a plan's peak is missing or above what was asked for; with `--explain` also that it
 /// is not. A plan's target has a bound of its own: the table's mesh is chosen once, for all of them.
-pub fn tell_missing_or_exceeded_plan_bounds(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
+pub fn tell_missing_or_exceeded_plan_bounds(plans: &[&Plan], accuracy: Accuracy, tells_if_met: bool) {
     if plans.iter().any(|plan| plan.error_bound.is_none()) {
         tell!(
             "the model error has no known bound (error_bound is null). Possible causes: the drives do not move the \
@@ -139,7 +139,7 @@ pub fn tell_missing_or_exceeded_plan_bounds(plans: &[&Plan], accuracy: Accuracy,
             "error_bound {largest:.1e} of the target's peak is above the tolerance {tolerance:.1e}: a plan uses \
              the mesh that usually meets the tolerance; a smaller --tolerance uses a finer mesh, if there is one"
         );
-    } else if explain {
+    } else if tells_if_met {
         tell!("tolerance {tolerance:.0e} met: the relative error of the target's peak is at most {largest:.0e}");
     }
 }
@@ -162,7 +162,7 @@ pub fn compute_and_print_frequency_response_at_point(options: &Response) -> Comm
     let scene = scene.replace_finger_by_masses_and_supports_at_places(&[(x_m, y_m)]);
     let cost =
         Cost::estimate_for_responses_unless_time_limited(&scene, accuracy, options.band.to, (frequencies_hz.len(), 1))?;
-    let found = run_with_progress_and_expected_cost("computing the response", cost, || {
+    let found = run_telling_expected_cost_and_showing_progress("computing the response", cost, || {
         response::compute_acceleration_curves_per_newton_with_error_bounds(
             &scene,
             accuracy,
@@ -172,8 +172,8 @@ pub fn compute_and_print_frequency_response_at_point(options: &Response) -> Comm
     })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let curves = &found.answer;
-    tell_refinement_steps_if_asked(&options.panel, &scene, accuracy, &found.steps);
-    tell_missing_or_exceeded_bounds(&found.bounds, accuracy);
+    tell_model_scope_and_mesh_accuracy_if_explaining(&options.panel, &scene, accuracy, &found.steps);
+    tell_why_bound_is_missing_or_largest_exceeds_tolerance(&found.bounds, accuracy);
     if options.json {
         let actuators: Vec<_> = scene
             .actuators
@@ -196,7 +196,7 @@ pub fn compute_and_print_frequency_response_at_point(options: &Response) -> Comm
             "tolerance_met": Bound::all_meet_tolerance_if_given_and_decidable(&found.bounds, accuracy), "frequency_hz": frequencies_hz, "actuators": actuators,
         }));
     }
-    print_text(&format_response_csv(&scene, &frequencies_hz, curves, &found.bounds))
+    print_text_after_queued_log(&format_response_csv(&scene, &frequencies_hz, curves, &found.bounds))
 }
 
 /// A line for each frequency: of every actuator amplitude and phase, then the bounds, each the same in all lines, so that
@@ -266,7 +266,7 @@ pub fn convert_point_option_to_m(
 ) -> Result<(f64, f64), Failure> {
     let place = match unit {
         Unit::Px => scene.surface_point_at_px(x, y),
-        Unit::Mm => scene.surface_point_at(x / 1e3, y / 1e3).map_err(Into::into),
+        Unit::Mm => scene.surface_or_bar_axis_point_outside_cutouts(x / 1e3, y / 1e3).map_err(Into::into),
     };
     Ok(place.map_err(|error| Failure::usage_error(format!("{option}: {error}")))?.coordinates_m())
 }
@@ -292,7 +292,7 @@ pub fn load_full_plan_table_or_compute_band_ends_only(
         return load_or_compute_plan_table(panel, keep, scene);
     }
     let ends = TableOptions { step_hz: whole.to_hz - whole.from_hz, ..whole };
-    Ok(prepare_table_showing_progress(panel, None, scene, ends)?.table)
+    Ok(prepare_table_showing_progress_and_warnings(panel, None, scene, ends)?.table)
 }
 
 /// The planner's table for a scene, and where it came from.
@@ -301,7 +301,7 @@ pub fn load_or_compute_plan_table_with_origin(
     keep: CacheOptions,
     scene: &Scene,
 ) -> Result<Prepared, Failure> {
-    prepare_table_showing_progress(
+    prepare_table_showing_progress_and_warnings(
         panel,
         keep.open_table_cache_unless_disabled_or_without_folder(),
         scene,
@@ -309,7 +309,7 @@ pub fn load_or_compute_plan_table_with_origin(
     )
 }
 
-fn prepare_table_showing_progress(
+fn prepare_table_showing_progress_and_warnings(
     panel: &PanelOptions,
     cache: Option<Cache>,
     scene: &Scene,
@@ -326,9 +326,13 @@ fn prepare_table_showing_progress(
     let prepared = if cache::has_table_file(cache, scene, accuracy, options) {
         run_with_progress(what, prepare)
     } else {
-        run_with_progress_and_expected_cost(what, Some(Cost::estimate_for_table(scene, accuracy, options)?), prepare)
+        run_telling_expected_cost_and_showing_progress(
+            what,
+            Some(Cost::estimate_for_table(scene, accuracy, options)?),
+            prepare,
+        )
     }?;
-    tell_refinement_steps_if_asked(panel, scene, accuracy, &prepared.steps);
+    tell_model_scope_and_mesh_accuracy_if_explaining(panel, scene, accuracy, &prepared.steps);
     for warning in crate::planner::press_bounds::list_warnings_of_actuators_not_withstanding_press(&prepared.table) {
         tracing::warn!("{warning}");
     }
@@ -350,7 +354,7 @@ pub fn prepare_table_with_scene_finger_if_any_at_places(
         (panel.accuracy()?, TableOptions::default(), scene.replace_finger_by_masses_and_supports_at_places(places_m));
     tell_assumed_finger_if_explaining(panel, scene);
     let cost = Cost::estimate_for_table(&touched, accuracy, options)?;
-    run_with_progress_and_expected_cost(
+    run_telling_expected_cost_and_showing_progress(
         "computing the panel with the finger on it",
         Some(cost),
         || -> Result<_, Failure> {
@@ -376,7 +380,7 @@ fn tell_assumed_finger_if_explaining(panel: &PanelOptions, scene: &Scene) {
     }
 }
 
-pub fn make_target_from_at_option(scene: &Scene, at: &At) -> Result<Target, Failure> {
+pub fn make_target_from_at_and_intensity_options(scene: &Scene, at: &At) -> Result<Target, Failure> {
     let (x_m, y_m) = convert_at_option_to_m(scene, at.at.x, at.at.y, at.unit)?;
     Ok(Target { x_m, y_m, intensity_g: at.intensity_g })
 }

@@ -1,18 +1,19 @@
 //! `era plan`: the drives for a touch, or for several.
 
 use super::args::{At, CacheOptions, PanelOptions, Unit};
-use super::args_field::{Corners, parse_zone_corners};
+use super::args_field::{Corners, parse_zone_corners_mm_in_any_order};
 use super::headings::{NO_HEADING, PLANNER, TOUCH};
 use super::panel::{
-    collect_plan_bounds, convert_point_option_to_m, load_or_compute_plan_table, make_target_from_at_option,
-    prepare_table_with_scene_finger_if_any_at_places, tell_missing_or_exceeded_plan_bounds,
+    collect_plan_bounds, convert_point_option_to_m, load_or_compute_plan_table,
+    make_target_from_at_and_intensity_options, prepare_table_with_scene_finger_if_any_at_places,
+    tell_missing_or_exceeded_plan_bounds,
 };
 use super::progress::run_with_progress;
 use super::reach::convert_zone_to_region;
 use super::terminal_messages::tell;
 use super::values::parse_tolerances_of_springs_modulus_thickness_and_places;
 use super::wishes::PlanWishes;
-use super::{CommandResult, Failure, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::effects::set_missing_target_peaks_from_level_if_given;
 use crate::model::Bound;
 use crate::planner::explain::Explanation;
@@ -47,7 +48,7 @@ pub struct PlanOptions {
     pub wishes: PlanWishes,
     /// For --objective reach: plan for this rectangle, in mm, instead of the whole surface; on a bar, Y0 and Y1 are
     /// ignored
-    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners, allow_hyphen_values = true, help_heading = PLANNER)]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners_mm_in_any_order, allow_hyphen_values = true, help_heading = PLANNER)]
     pub zone: Option<Corners>,
     /// Compute how much the peaks at the targets change if the panel differs from the scene, by default by up to 20 % in
     /// spring stiffness, 10 % in Young's modulus, 5 % in thickness and 1 mm in positions; this takes some seconds
@@ -88,7 +89,7 @@ struct PlanAnswer {
 pub fn run_plan(options: &PlanOptions) -> CommandResult {
     let scene = options.panel.load_scene()?;
     let request = make_request(&scene, options)?;
-    let windows = list_time_windows_of_all_targets_if_any_is_given(options);
+    let windows = list_target_windows_if_any_given_filling_others_to_latest_end(options);
     let spans = windows.map(|windows| cut_windows_into_spans(&windows)).transpose()?;
     let fingers = list_modelled_finger_places_m_empty_for_reach(&request);
     let table = prepare_request_table_refusing_finger_with_windows(&scene, options, &request, spans.is_some())?;
@@ -120,7 +121,7 @@ pub fn run_plan(options: &PlanOptions) -> CommandResult {
     if options.json {
         return print_json(&answer);
     }
-    print_text(&format_plan_answer(&answer))
+    print_text_after_queued_log(&format_plan_answer(&answer))
 }
 
 /// The table that the request is planned with: of the panel with its fingers on it.
@@ -167,7 +168,7 @@ fn plan_request_as_whole_or_per_time_span(
     options: &PlanOptions,
     request: Request,
     spans: Option<Vec<Span>>,
-    tolerance: f64,
+    tolerance_to_report: f64,
 ) -> Result<PlanAnswer, Failure> {
     match spans {
         None => {
@@ -181,7 +182,7 @@ fn plan_request_as_whole_or_per_time_span(
                 trade,
                 times: crate::planner::report::compute_rise_and_decay_times_at_first_target(table, &planned.plan),
                 plan: planned.plan,
-                tolerance,
+                tolerance: tolerance_to_report,
                 tolerance_met: None,
                 stretches: None,
                 off: None,
@@ -217,7 +218,7 @@ fn plan_request_as_whole_or_per_time_span(
             Ok(PlanAnswer {
                 times: crate::planner::report::compute_rise_and_decay_times_at_first_target(table, &plan),
                 plan,
-                tolerance,
+                tolerance: tolerance_to_report,
                 tolerance_met: None,
                 details: None,
                 trade: None,
@@ -252,7 +253,7 @@ fn explain_plans_if_asked<'a>(
 
 fn make_request(scene: &Scene, options: &PlanOptions) -> Result<Request, Failure> {
     let unit: Unit = options.at.unit;
-    let mut request = Request::for_touch(&[make_target_from_at_option(scene, &options.at)?]);
+    let mut request = Request::for_touch(&[make_target_from_at_and_intensity_options(scene, &options.at)?]);
     for also in &options.wishes.also {
         let (x_m, y_m) = convert_point_option_to_m(scene, "--also", also.at.x, also.at.y, unit)?;
         request.targets.push(Target { x_m, y_m, intensity_g: also.intensity_g });
@@ -270,7 +271,7 @@ fn make_request(scene: &Scene, options: &PlanOptions) -> Result<Request, Failure
 }
 
 /// The windows of all targets, if any has one: those that have none last as long as any other.
-fn list_time_windows_of_all_targets_if_any_is_given(options: &PlanOptions) -> Option<Vec<Window>> {
+fn list_target_windows_if_any_given_filling_others_to_latest_end(options: &PlanOptions) -> Option<Vec<Window>> {
     let given: Vec<Option<Window>> =
         std::iter::once(options.wishes.window).chain(options.wishes.also.iter().map(|also| also.window)).collect();
     let to_ms = given.iter().flatten().map(|window| window.to_ms).reduce(f64::max)?;

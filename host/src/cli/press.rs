@@ -1,9 +1,9 @@
 //! `era press`: what a finger's press does to the gaps of actuators.
 
 use super::args_panel::Press as Options;
-use super::panel::{format_bound, load_full_plan_table_or_compute_band_ends_only};
+use super::panel::{format_bound_or_not_known, load_full_plan_table_or_compute_band_ends_only};
 use super::terminal_messages::tell;
-use super::{CommandResult, print_json, print_text};
+use super::{CommandResult, print_json, print_text_after_queued_log};
 use crate::planner::PlanTable;
 use crate::planner::press::{PressEffect, Stop};
 use std::fmt::Write;
@@ -18,15 +18,15 @@ pub fn compute_and_print_actuator_gaps_under_finger_press(options: &Options) -> 
         describe_missing_press_error_bounds_by_reason(&table).iter().for_each(|line| tell!("{line}"));
         return print_json(&crate::planner::press_report::build_press_report(&table));
     }
-    print_text(&format_press_travel_per_actuator(&table))
+    print_text_after_queued_log(&format_press_travel_per_actuator(&table))
 }
 
 /// Why bounds are missing, and of whom.
 fn describe_missing_press_error_bounds_by_reason(table: &PlanTable) -> Vec<String> {
     let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
     for (i, actuator) in table.scene.actuators.iter().enumerate() {
-        let Some(reason) =
-            crate::planner::press_bounds::bound_relative_press_travel_error(table, i).reason_if_unknown()
+        let Some(reason) = crate::planner::press_bounds::bound_relative_mesh_error_of_travel_by_press_alone(table, i)
+            .reason_if_unknown()
         else {
             continue;
         };
@@ -61,8 +61,10 @@ fn format_press_travel_per_actuator(table: &PlanTable) -> String {
             Stop::Assumed => format!("assumed, {:.0} um", stop_m * 1e6),
         };
         let (bound, of_sag) = (
-            format_bound(crate::planner::press_bounds::bound_relative_press_travel_error(table, i)),
-            format_bound(
+            format_bound_or_not_known(
+                crate::planner::press_bounds::bound_relative_mesh_error_of_travel_by_press_alone(table, i),
+            ),
+            format_bound_or_not_known(
                 crate::planner::press_bounds::bound_relative_mesh_error_of_sag_under_press_and_electrode_pull(table, i),
             ),
         );
@@ -75,7 +77,7 @@ fn format_press_travel_per_actuator(table: &PlanTable) -> String {
             alone_m * 1e6,
             sag_m * 1e6,
             electrodes.remaining_gap_under_press_m(0.0) * 1e6,
-            electrodes.max_voltage_of_remaining_gap_v(0.0).min(electrodes.max_voltage_v),
+            electrodes.breakdown_voltage_of_remaining_gap_with_margin_v(0.0).min(electrodes.max_voltage_v),
         );
     }
     for line in describe_missing_press_error_bounds_by_reason(table) {

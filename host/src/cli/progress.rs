@@ -3,7 +3,7 @@
 //! On a terminal a bar or a spinner, which is gone afterwards; otherwise plain lines, the more seldom the longer it takes.
 //! Everything goes to standard error.
 
-use super::cost::{Cost, describe_duration};
+use super::cost::{Cost, describe_duration_rounded_to_one_digit};
 use super::terminal_messages::{self, tell};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt;
@@ -31,11 +31,15 @@ pub fn run_with_progress<T>(what: &'static str, work: impl FnOnce() -> T) -> T {
 }
 
 /// The same with what it is expected to take: said before it begins, if that is more than a second.
-pub fn run_with_progress_and_expected_cost<T>(what: &'static str, cost: Option<Cost>, work: impl FnOnce() -> T) -> T {
+pub fn run_telling_expected_cost_and_showing_progress<T>(
+    what: &'static str,
+    cost: Option<Cost>,
+    work: impl FnOnce() -> T,
+) -> T {
     let Some(cost) = cost else { return run_with_progress(what, work) };
     let time = cost.estimate_time_measuring_machine_speed_if_large();
     if time > SHORT {
-        tell!("{what}: about {} ({cost})", describe_duration(time));
+        tell!("{what}: about {} ({cost})", describe_duration_rounded_to_one_digit(time));
     }
     run_while_showing_progress(what, Some(time), work)
 }

@@ -1,6 +1,6 @@
 //! How far a study is, with the time that is left, and stopping it.
 
-use super::cost::describe_duration;
+use super::cost::describe_duration_rounded_to_one_digit;
 use super::serve::await_end_signal;
 use super::signals::EndSignals;
 use super::standard_error;
@@ -69,7 +69,7 @@ impl StudyProgressDisplay {
         }
         format!(
             "{rate:.1} designs per second, about {} remaining",
-            describe_duration(Duration::from_secs_f64((left as f64 / rate).min(1e9)))
+            describe_duration_rounded_to_one_digit(Duration::from_secs_f64((left as f64 / rate).min(1e9)))
         )
     }
 }

@@ -1,11 +1,11 @@
 //! `era field --reach` and `era field --schemes`: what a panel's actuators can do at all.
 
 use super::args_field::{Corners, Field};
-use super::output::write_text_file;
+use super::output::write_text_file_atomically;
 use super::panel::{check_has_actuators, load_or_compute_plan_table};
 use super::progress::run_with_progress;
 use super::terminal_messages::tell;
-use super::{CommandResult, Failure, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::maps::reach as pictures;
 use crate::model::BarePanel;
 use crate::planner::maps::{ReachMaps, Scheme, SchemeReach, Spread, rigid, schemes};
@@ -39,7 +39,7 @@ pub fn compute_and_write_reach_maps(options: &Field) -> CommandResult {
             pictures::write_reach_maps_png(path, &scene, &maps).map_err(Failure::runtime_error)?,
         );
     }
-    if write_csv_true_if_to_stdout(options, &maps.to_csv())? {
+    if write_csv_if_asked_true_if_to_stdout(options, &maps.to_csv())? {
         return Ok(());
     }
     let spread = |values: &[Option<f64>]| {
@@ -69,7 +69,7 @@ pub fn compute_and_write_reach_maps(options: &Field) -> CommandResult {
             end(spread.most, spread.most_at_mm, most)
         )
     };
-    let mut text = format!("{}, {}\n", scene.name, describe_searched_frequencies(&table, options));
+    let mut text = format!("{}, {}\n", scene.name, describe_searched_zone_and_frequencies(&table, options));
     text.push_str(&line("reach", "g", &strongest, &maps.strongest_hz, ["weakest", "strongest"]));
     if let Some(bound) = maps.error_bound.iter().flatten().next().filter(|_| scene.finger.is_some()) {
         let _ = write!(
@@ -82,7 +82,7 @@ pub fn compute_and_write_reach_maps(options: &Field) -> CommandResult {
         let name = "highest contrast of a weak touch";
         let _ = write!(text, "\n{}", line(name, "dB", &contrast, &maps.contrast_hz, ["worst", "best"]));
     }
-    print_text(&text)
+    print_text_after_queued_log(&text)
 }
 
 /// The maps with the scene's finger on each point while it is looked at.
@@ -121,11 +121,11 @@ pub fn compare_drive_schemes_and_write_result(options: &Field) -> CommandResult 
         let written = pictures::write_schemes_png(path, &scene, &table.grid, measure, &schemes);
         tell_picture_written(path, written.map_err(Failure::runtime_error)?);
     }
-    if write_csv_true_if_to_stdout(options, &format_schemes_csv(&table, measure, &schemes))? {
+    if write_csv_if_asked_true_if_to_stdout(options, &format_schemes_csv(&table, measure, &schemes))? {
         return Ok(());
     }
     let [ratios, phases] = schemes::count_trial_force_ratios_in_phase_and_with_phases(&table);
-    let first_bending_hz = rigid::first_driven_bending_mode_if_any_hz(&table);
+    let first_bending_hz = rigid::first_bending_mode_moving_surface_if_any_hz(&table);
     if options.json {
         return print_json(&json!({
             "scene": scene.name, "measure": measure, "frequencies_hz": table.frequencies_hz,
@@ -140,7 +140,7 @@ pub fn compare_drive_schemes_and_write_result(options: &Field) -> CommandResult 
          distinct frequencies: the setting is the best possible for the forces at the rest gaps; a line below says if this is \
          not proven)\n",
         scene.name,
-        describe_searched_frequencies(&table, options)
+        describe_searched_zone_and_frequencies(&table, options)
     );
     let spreads: [(&str, FigureOfScheme); 2] = [
         ("one setting for the whole surface", |scheme| (&scheme.one_setting, scheme.one_setting_weaker)),
@@ -165,8 +165,8 @@ pub fn compare_drive_schemes_and_write_result(options: &Field) -> CommandResult 
          of the first scheme)\n",
     );
     text.push_str(&format_scheme_settings(&schemes, measure));
-    text.push_str(&describe_first_bending_mode_and_why_one_frequency_wins(&schemes, first_bending_hz));
-    print_text(text.trim_end())
+    text.push_str(&describe_first_bending_mode_and_why_one_frequency_wins_if_so(&schemes, first_bending_hz));
+    print_text_after_queued_log(text.trim_end())
 }
 
 /// What is commanded for the whole surface.
@@ -203,7 +203,7 @@ fn format_scheme_settings(schemes: &[SchemeReach], measure: Measure) -> String {
         }
         let at_most = scheme.one_setting_at_most.filter(|most| *most > scheme.one_setting.least * (1.0 + 1e-6));
         if let Some(at_most) = at_most {
-            let at_most = format_peak_in_g_or_db(measure, at_most);
+            let at_most = format_peak_without_unit_in_g_or_db(measure, at_most);
             let unit = if measure == Measure::G { "g" } else { "dB" };
             let _ = writeln!(
                 text,
@@ -216,7 +216,7 @@ fn format_scheme_settings(schemes: &[SchemeReach], measure: Measure) -> String {
 }
 
 /// Why the weakest place is as strong as it is.
-fn describe_first_bending_mode_and_why_one_frequency_wins(
+fn describe_first_bending_mode_and_why_one_frequency_wins_if_so(
     schemes: &[SchemeReach],
     first_bending_hz: Option<f64>,
 ) -> String {
@@ -249,7 +249,7 @@ fn format_fraction_as_percent(fraction: f64) -> String {
 }
 
 /// A peak as it is printed: in g, or in dB above the threshold.
-fn format_peak_in_g_or_db(measure: Measure, peak: f64) -> String {
+fn format_peak_without_unit_in_g_or_db(measure: Measure, peak: f64) -> String {
     match measure {
         Measure::G => format!("{peak:.3}"),
         Measure::Thresholds => threshold_multiple_to_db_unless_at_rest(peak)
@@ -268,11 +268,11 @@ fn format_scheme_row(
     format!(
         "| {} | {} | {} | {} | {} | {} | {} | {} | {} |",
         scheme.name(),
-        format_peak_in_g_or_db(measure, spread.least),
+        format_peak_without_unit_in_g_or_db(measure, spread.least),
         format_place(spread.least_at_mm),
-        format_peak_in_g_or_db(measure, spread.tenth),
-        format_peak_in_g_or_db(measure, spread.median),
-        format_peak_in_g_or_db(measure, spread.most),
+        format_peak_without_unit_in_g_or_db(measure, spread.tenth),
+        format_peak_without_unit_in_g_or_db(measure, spread.median),
+        format_peak_without_unit_in_g_or_db(measure, spread.most),
         format_fraction_as_percent(spread.dead),
         format_fraction_as_percent(weaker_fraction),
         match measure {
@@ -324,7 +324,7 @@ fn restrict_table_to_band(table: PlanTable, options: &Field) -> Result<PlanTable
 }
 
 /// The grids that were searched.
-fn describe_searched_frequencies(table: &PlanTable, options: &Field) -> String {
+fn describe_searched_zone_and_frequencies(table: &PlanTable, options: &Field) -> String {
     let within = options.zone.map_or_else(String::new, |zone| {
         format!("{} to {} mm by {} to {} mm, ", zone.x[0], zone.x[1], zone.y[0], zone.y[1])
     });
@@ -339,12 +339,12 @@ fn describe_searched_frequencies(table: &PlanTable, options: &Field) -> String {
 }
 
 /// Writes the text to the file of `--csv`, if there is one; returns whether the text went to standard output.
-pub(super) fn write_csv_true_if_to_stdout(options: &Field, text: &str) -> Result<bool, Failure> {
+pub(super) fn write_csv_if_asked_true_if_to_stdout(options: &Field, text: &str) -> Result<bool, Failure> {
     let Some(path) = &options.csv else { return Ok(false) };
     if path.as_os_str() == "-" {
-        return print_text(text.trim_end()).map(|()| true);
+        return print_text_after_queued_log(text.trim_end()).map(|()| true);
     }
-    write_text_file(path, text)?;
+    write_text_file_atomically(path, text)?;
     tell!("wrote {}", path.display());
     Ok(false)
 }

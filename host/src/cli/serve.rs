@@ -54,13 +54,17 @@ pub fn run_serve(options: &Serve, started: Instant) -> CommandResult {
     }
     // In the runtime, in which sockets are opened.
     let listeners =
-        runtime.block_on(async { make_listeners_with_tls_and_unix_socket_from_bound_ports(options, &place, ports) })?;
+        runtime.block_on(async { make_port_and_unix_listeners_making_missing_certificate(options, &place, ports) })?;
     // After all that may keep the daemon from starting: a file that was begun is in the next start's way.
     let recorder = match &options.record {
         None => None,
         Some(path) => Some(
             Recorder::start_with_kept_bytes(path, &scene.name, recording_size_limits(options)).map_err(|error| {
-                Failure::Usage(format!("--record {}: {error}{}", path.display(), advise_on_record_error(&error)))
+                Failure::Usage(format!(
+                    "--record {}: {error}{}",
+                    path.display(),
+                    advise_on_record_error_or_empty(&error)
+                ))
             })?,
         ),
     };
@@ -88,9 +92,14 @@ pub fn run_serve(options: &Serve, started: Instant) -> CommandResult {
         Some(device) => device,
         None => open_device(&target, &table)?,
     };
-    let mut app =
-        App::start_session_with_policy_and_access(table, device, text, read_idle_and_rearm_policy(options), access)
-            .map_err(Failure::runtime_error)?;
+    let mut app = App::start_session_with_policy_and_access(
+        table,
+        device,
+        text,
+        read_idle_clear_silence_and_rearm_policy(options),
+        access,
+    )
+    .map_err(Failure::runtime_error)?;
     app.record = recorder;
     let app = Arc::new(app);
     let first = plan_touch_near_screen_middle(&app.table);
@@ -154,7 +163,7 @@ fn recording_size_limits(options: &Serve) -> KeptBytes {
 }
 
 /// What is done without being asked.
-fn read_idle_and_rearm_policy(options: &Serve) -> SessionPolicy {
+fn read_idle_clear_silence_and_rearm_policy(options: &Serve) -> SessionPolicy {
     SessionPolicy {
         idle: options.idle_s.map_or(SessionPolicy::IDLE, Duration::from_secs_f64),
         clears_silence: options.clear_silence,
@@ -205,7 +214,7 @@ pub fn listen_place_or_default(options: &Serve) -> Result<HostPort, Failure> {
 }
 
 /// The files of certificate and key that are there.
-fn find_tls_files_given_or_in_folder(options: &Serve) -> Result<Option<TlsFiles>, ListenError> {
+fn find_tls_files_given_or_already_in_folder(options: &Serve) -> Result<Option<TlsFiles>, ListenError> {
     match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
         (Some(certificate), Some(key), _) => Ok(Some(TlsFiles { certificate: certificate.clone(), key: key.clone() })),
         (.., Some(folder)) => TlsFiles::find_whole_pair_in_folder_or_error_if_only_key_missing(folder),
@@ -214,16 +223,16 @@ fn find_tls_files_given_or_in_folder(options: &Serve) -> Result<Option<TlsFiles>
 }
 
 /// The key that names the certificate.
-const fn certificate_option_name(options: &Serve) -> &'static str {
+const fn certificate_config_key(options: &Serve) -> &'static str {
     if options.tls_dir.is_some() { "tls_dir" } else { "tls_cert" }
 }
 
 /// What does not keep the daemon from starting, but clients from talking to it, each with its key: dates of its certificate, which are wrong
 /// for as long as the clock is, too.
 pub fn list_certificate_date_warnings_by_config_key(options: &Serve) -> Vec<(&'static str, String)> {
-    let files = find_tls_files_given_or_in_folder(options).ok().flatten();
+    let files = find_tls_files_given_or_already_in_folder(options).ok().flatten();
     let faults = files.map(|files| files.list_date_faults()).unwrap_or_default();
-    faults.into_iter().map(|fault| (certificate_option_name(options), fault)).collect()
+    faults.into_iter().map(|fault| (certificate_config_key(options), fault)).collect()
 }
 
 const fn is_tls_configured(options: &Serve) -> bool {
@@ -269,7 +278,7 @@ pub fn list_mistakes_that_prevent_daemon_start_by_config_key(options: &Serve) ->
     {
         all.push(("socket", error.to_string()));
     }
-    let usable = find_tls_files_given_or_in_folder(options).and_then(|files| match files {
+    let usable = find_tls_files_given_or_already_in_folder(options).and_then(|files| match files {
         Some(files) if ![&files.certificate, &files.key].into_iter().any(|path| is_anothers(path)) => {
             files.check_usable()
         }
@@ -277,7 +286,7 @@ pub fn list_mistakes_that_prevent_daemon_start_by_config_key(options: &Serve) ->
     });
     if let Err(error) = usable {
         let is_of_key = options.tls_key.as_ref().is_some_and(|key| error.is_about_tls_file(key));
-        all.push((if is_of_key { "tls_key" } else { certificate_option_name(options) }, error.to_string()));
+        all.push((if is_of_key { "tls_key" } else { certificate_config_key(options) }, error.to_string()));
     }
     // A name that has no address now may have one when the daemon starts.
     let addresses =
@@ -290,7 +299,7 @@ pub fn list_mistakes_that_prevent_daemon_start_by_config_key(options: &Serve) ->
 }
 
 /// What to do about a recording that cannot be begun, where another place is the answer.
-fn advise_on_record_error(error: &std::io::Error) -> String {
+fn advise_on_record_error_or_empty(error: &std::io::Error) -> String {
     use std::io::ErrorKind::{AlreadyExists, IsADirectory, NotADirectory, NotFound};
     match error.kind() {
         AlreadyExists | IsADirectory | NotADirectory | NotFound => format!(". {NEW_RECORD}"),
@@ -315,7 +324,7 @@ fn find_record_path_mistake(path: &Path) -> Option<String> {
 }
 
 /// Where to listen: the ports that there are, with TLS where that is wanted, and the socket in the file system.
-fn make_listeners_with_tls_and_unix_socket_from_bound_ports(
+fn make_port_and_unix_listeners_making_missing_certificate(
     options: &Serve,
     place: &HostPort,
     ports: Vec<TcpListener>,
@@ -492,7 +501,7 @@ mod tests {
             let Some(Command::Serve(serve)) = Arguments::parse_from(arguments.split_whitespace()).command else {
                 panic!("{arguments}");
             };
-            assert_eq!(read_idle_and_rearm_policy(&serve).arms_after_outage, arms, "{arguments}");
+            assert_eq!(read_idle_clear_silence_and_rearm_policy(&serve).arms_after_outage, arms, "{arguments}");
         }
     }
 }

@@ -50,7 +50,7 @@ fn write_queued_texts(waiting: &Receiver<Text>) {
 }
 
 /// Has the bytes written after all that were given before, and does not wait for it.
-pub fn queue_for_standard_error(bytes: &[u8]) {
+pub fn queue_for_standard_error_or_drop_if_full(bytes: &[u8]) {
     match get_or_start_writer_queue() {
         Some(queue) => {
             if let Err(TrySendError::Full(_)) = queue.try_send(Text::Bytes(bytes.to_vec())) {
@@ -77,7 +77,7 @@ pub struct Later;
 
 impl Write for Later {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        queue_for_standard_error(bytes);
+        queue_for_standard_error_or_drop_if_full(bytes);
         Ok(bytes.len())
     }
 

@@ -4,7 +4,7 @@ use super::args::{CacheOptions, PanelOptions};
 use super::args_study::Study as Options;
 use super::panel::load_or_compute_plan_table;
 use super::progress_of::{StudyProgressDisplay, make_signal_stop_flag_second_signal_exits};
-use super::{CommandResult, Failure, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::study::evaluate::{Evaluator, QuickEvaluator, ThoroughEvaluator};
 use crate::study::result::GatherError;
 use crate::study::run::{self, FolderError, RunEnd, RunError, Shard, Study, StudyError, StudyFolder};
@@ -52,7 +52,7 @@ pub fn run_study(options: &Options) -> CommandResult {
     let study = Study::load(&options.study)?;
     let path = options.out.clone().unwrap_or_else(|| default_results_folder_in_current_directory(&options.study));
     let folder = StudyFolder::open_or_create_refusing_folder_of_other_study(&path, study.fingerprint())?;
-    warn_of_actuators_that_fail_press(&study);
+    warn_of_base_scene_actuators_that_fail_press(&study);
     let stops = make_signal_stop_flag_second_signal_exits();
     let shard = options.shard.unwrap_or(Shard::ALL);
     if !options.gather {
@@ -79,14 +79,14 @@ pub fn run_study(options: &Options) -> CommandResult {
                 )));
             }
             Ok(RunEnd::Done) if !shard.is_whole_study() && all == 0 => {
-                return print_text(&format!(
+                return print_text_after_queued_log(&format!(
                     "{}: share {shard} has no designs to compute, because there are too many shares. Use fewer shares, \
                      set a smaller `chunk` in [method], or, for an evolution, set larger `runs` in [method]",
                     study.spec.name
                 ));
             }
             Ok(RunEnd::Done) if !shard.is_whole_study() => {
-                return print_text(&format!(
+                return print_text_after_queued_log(&format!(
                     "{}: share {shard} is complete, and the results of its {all} designs are in {}. When all shares \
                      are complete, use `--gather` to combine the results",
                     study.spec.name,
@@ -108,12 +108,12 @@ pub fn run_study(options: &Options) -> CommandResult {
     if options.json {
         return print_json(&written.summarise_as_json(&study, &path));
     }
-    print_text(&written.summarise_as_text(&study, &path))
+    print_text_after_queued_log(&written.summarise_as_text(&study, &path))
 }
 
 /// Says of the study's scene what other commands say when they load it: which actuators do not bear its press. Not of each design, as there
 /// are many, which lack the same stops.
-fn warn_of_actuators_that_fail_press(study: &Study) {
+fn warn_of_base_scene_actuators_that_fail_press(study: &Study) {
     // A table takes a second or two, and with all stops there is nothing to say.
     if let Some(scene) = study.space.base_scene_if_any_ground_mounted_actuator_lacks_end_stop() {
         // Where there is none, the scene's own row of the results says why.

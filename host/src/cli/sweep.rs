@@ -3,11 +3,11 @@
 use super::args_panel::Sweep as Options;
 use super::cost::Cost;
 use super::panel::{
-    check_has_actuators, list_frequencies_hz, tell_missing_or_exceeded_bounds, tell_refinement_steps_if_asked,
-    warn_if_too_thick_for_thin_plate_theory,
+    check_has_actuators, list_frequencies_hz, tell_model_scope_and_mesh_accuracy_if_explaining,
+    tell_why_bound_is_missing_or_largest_exceeds_tolerance, warn_if_too_thick_for_thin_plate_theory,
 };
-use super::progress::run_with_progress_and_expected_cost;
-use super::{CommandResult, Failure, print_json, print_text};
+use super::progress::run_telling_expected_cost_and_showing_progress;
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::maps::npy;
 use crate::model::{Bound, BoundedAnswer};
 use crate::response::sweep::{AccelerationSweep, Arithmetic};
@@ -42,13 +42,13 @@ impl StoredNumber for f64 {
 pub fn run_sweep(options: &Options) -> CommandResult {
     if options.panel.accuracy_from_time_limit_or_options(options.time)?.relative_tolerance_or_tightest() >= SINGLE_DOES
     {
-        compute_and_write_sweep::<f32>(options)
+        compute_sweep_print_summary_and_write_file_if_asked::<f32>(options)
     } else {
-        compute_and_write_sweep::<f64>(options)
+        compute_sweep_print_summary_and_write_file_if_asked::<f64>(options)
     }
 }
 
-fn compute_and_write_sweep<T: StoredNumber>(options: &Options) -> CommandResult {
+fn compute_sweep_print_summary_and_write_file_if_asked<T: StoredNumber>(options: &Options) -> CommandResult {
     let started = Instant::now();
     let scene = options.panel.load_scene()?;
     let frequencies_hz = list_frequencies_hz(&options.band)?;
@@ -57,18 +57,18 @@ fn compute_and_write_sweep<T: StoredNumber>(options: &Options) -> CommandResult 
         return Err(Failure::usage_error(format!("--from is {from}, but must be above 0 Hz")));
     }
     let accuracy = options.panel.accuracy_from_time_limit_or_options(options.time)?;
-    let (x_m, y_m) = scene.surface_grid_lines_m(options.grid);
+    let (x_m, y_m) = scene.surface_grid_lines_or_bar_axis_line_m(options.grid);
     refuse_too_many_sweep_values(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
     check_has_actuators(&scene)?;
     warn_if_too_thick_for_thin_plate_theory(&scene, options.band.to);
     let size = (frequencies_hz.len(), x_m.len() * y_m.len());
     let cost = Cost::estimate_for_responses_unless_time_limited(&scene, accuracy, options.band.to, size)?;
-    let found = run_with_progress_and_expected_cost("computing the responses", cost, || {
+    let found = run_telling_expected_cost_and_showing_progress("computing the responses", cost, || {
         compute_acceleration_sweep_per_newton_with_error_bounds::<T>(&scene, accuracy, (&x_m, &y_m), &frequencies_hz)
     })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
-    tell_refinement_steps_if_asked(&options.panel, &scene, accuracy, &found.steps);
-    tell_missing_or_exceeded_bounds(&found.bounds, accuracy);
+    tell_model_scope_and_mesh_accuracy_if_explaining(&options.panel, &scene, accuracy, &found.steps);
+    tell_why_bound_is_missing_or_largest_exceeds_tolerance(&found.bounds, accuracy);
     if let Some(path) = &options.npy {
         let shape = [frequencies_hz.len(), scene.actuators.len(), y_m.len(), x_m.len()];
         let values = found.answer.re.iter().zip(&found.answer.im);
@@ -132,7 +132,7 @@ fn compute_and_write_sweep<T: StoredNumber>(options: &Options) -> CommandResult 
             frequencies_hz[extremes.least.frequency],
         );
     }
-    print_text(&text)
+    print_text_after_queued_log(&text)
 }
 
 /// A value and where it is.

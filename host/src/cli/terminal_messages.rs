@@ -46,22 +46,22 @@ pub(super) use tell;
 
 /// Tells a text that is no part of the log.
 pub fn tell_text_in_log_format(text: &str) {
-    write_message_line(FORMAT.get().copied().unwrap_or_default(), None, text);
+    write_message_line_as_error_if_prefix_given(FORMAT.get().copied().unwrap_or_default(), None, text);
 }
 
 /// Tells why a command ended.
 pub fn tell_why_command_failed(text: &str) {
-    write_message_line(FORMAT.get().copied().unwrap_or_default(), Some("error: "), text);
+    write_message_line_as_error_if_prefix_given(FORMAT.get().copied().unwrap_or_default(), Some("error: "), text);
 }
 
 /// Tells why a command did not begin: nothing has been set yet.
 pub fn tell_why_command_did_not_start(format: LogFormat, text: &str) {
-    write_message_line(format, Some(""), text);
+    write_message_line_as_error_if_prefix_given(format, Some(""), text);
 }
 
 /// A line; `error_prefix` is what goes before an error where people read it. Where standard error is closed (`2>&1 | head`),
 /// nobody is told.
-fn write_message_line(format: LogFormat, error_prefix: Option<&str>, text: &str) {
+fn write_message_line_as_error_if_prefix_given(format: LogFormat, error_prefix: Option<&str>, text: &str) {
     let line = match format {
         LogFormat::Text => format!("{}{text}\n", error_prefix.unwrap_or_default()),
         LogFormat::Json => {
@@ -70,7 +70,7 @@ fn write_message_line(format: LogFormat, error_prefix: Option<&str>, text: &str)
         }
     };
     // After what has been logged, and before whatever writes there by itself.
-    standard_error::queue_for_standard_error(line.as_bytes());
+    standard_error::queue_for_standard_error_or_drop_if_full(line.as_bytes());
     standard_error::wait_until_queue_is_written_or_timeout();
 }
 

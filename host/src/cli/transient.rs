@@ -1,11 +1,11 @@
 //! `era transient`: a point's motion after drives are switched on.
 
 use super::args_panel::{DriveText, Transient};
-use super::output::write_text_file;
+use super::output::write_text_file_atomically;
 use super::panel::{convert_at_option_to_m, warn_if_too_thick_for_thin_plate_theory};
 use super::progress::run_with_progress;
 use super::terminal_messages::tell;
-use super::{CommandResult, Failure, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::scene::Scene;
 use crate::transient::panel::{
     MotionError, NO_BOUND, PointMotion, SwitchedForce, choose_time_grid, compute_motion_after_switch_on,
@@ -33,9 +33,9 @@ pub fn run_transient(options: &Transient) -> CommandResult {
     if let Some(path) = &options.csv {
         let text = format_motion_csv(&motion);
         if path.as_os_str() == "-" {
-            return print_text(text.trim_end());
+            return print_text_after_queued_log(text.trim_end());
         }
-        write_text_file(path, &text)?;
+        write_text_file_atomically(path, &text)?;
     }
     if options.json {
         return print_json(&json!({
@@ -56,7 +56,7 @@ pub fn run_transient(options: &Transient) -> CommandResult {
         }
         (None, _) => String::new(),
     };
-    print_text(&format!(
+    print_text_after_queued_log(&format!(
         "{} points in time, computed in {elapsed_ms:.0} ms\nlargest acceleration {:.4} m/s^2, in the steady state {:.4} m/s^2{settled}",
         motion.time_s.len(),
         motion.largest_acceleration_over_time_m_per_s2(),

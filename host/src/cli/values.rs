@@ -10,7 +10,7 @@ use std::time::Duration;
 const TIMES: std::ops::RangeInclusive<f64> = 1e-3..=3600.0;
 
 /// A time such as `50ms` or `2s`.
-pub fn parse_time(text: &str) -> Result<Duration, String> {
+pub fn parse_duration_with_unit_ms_or_s(text: &str) -> Result<Duration, String> {
     let wrong = || format!("{text:?} is not a time from 1ms to 3600s, such as 50ms or 2s");
     let (number, unit_s) = match text.strip_suffix("ms") {
         Some(number) => (number, 1e-3),

@@ -3,7 +3,7 @@
 use super::args::Verify;
 use super::panel::load_or_compute_plan_table;
 use super::progress::run_with_progress;
-use super::{CommandResult, Failure, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::planner::Target;
 use crate::verify::{SimulationComparison, VerifyError, compare_plans_at_points_with_simulation, spread_points_over};
 use serde_json::json;
@@ -12,7 +12,7 @@ use std::fmt::Write;
 /// Most points: a day of simulation.
 const MOST_POINTS: u32 = 100_000;
 
-pub fn verify_plans_by_time_simulation(options: &Verify) -> CommandResult {
+pub fn verify_plans_by_time_simulation_failing_above_limit(options: &Verify) -> CommandResult {
     if !(1..=MOST_POINTS).contains(&options.points) {
         return Err(Failure::Usage(format!("--points is {}, but must be 1 to {MOST_POINTS}", options.points)));
     }
@@ -39,7 +39,7 @@ pub fn verify_plans_by_time_simulation(options: &Verify) -> CommandResult {
     if options.json {
         print_json(&json!({"scene": scene.name, "points": results, "largest_difference": worst}))?;
     } else {
-        print_text(&format_predicted_and_simulated_peaks(&scene.name, &results, worst))?;
+        print_text_after_queued_log(&format_predicted_and_simulated_peaks(&scene.name, &results, worst))?;
     }
     if worst <= options.limit {
         return Ok(());

@@ -88,7 +88,8 @@ impl App {
         access: Access,
     ) -> std::io::Result<Self> {
         let max_voltages_v = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-        let (sim, ready_v) = (device.sim_control_if_simulated(), table.max_standby_voltage_of_each_actuator_v());
+        let (sim, ready_v) =
+            (device.sim_control_if_simulated(), table.max_rail_voltage_with_masses_at_rest_of_each_actuator_v());
         let session = Session::start(device, SceneNeeds { max_voltages_v, ready_v }, policy)?;
         let table = Arc::new(table);
         let metrics = Arc::<Metrics>::default();
@@ -131,7 +132,7 @@ impl App {
     }
 
     /// Stops the device, before anything else ends; nothing is driven from here on.
-    pub async fn stop_studies_and_device_at_shutdown(&self) {
+    pub async fn begin_closing_and_stop_studies_and_device(&self) {
         self.driver.begin_closing();
         self.background.close();
         self.studies.stop_newest_study();
@@ -166,7 +167,7 @@ impl App {
     #[must_use]
     pub fn build_state_view(&self) -> StateView {
         let (active, heard_ago) = (self.driver.find_active_plan(), self.driver.time_since_last_answer());
-        let device = self.driver.current_device_snapshot();
+        let device = self.driver.current_device_snapshot_marked_disconnected_if_thread_hung();
         StateView::new(&self.collect_view_sources(&device), active.as_deref(), heard_ago, self.started.elapsed())
     }
 
@@ -195,7 +196,7 @@ impl App {
     ///
     /// # Errors
     /// [`Problem`]: a touch, tolerance, scene or move that cannot be used, a scene without a plan, or work that is under way.
-    pub async fn begin_tolerance_study(
+    pub async fn begin_tolerance_study_of_requested_touch(
         &self,
         asker: &Asker,
         parse_request: impl FnOnce() -> Result<TolerancesRequest, Problem> + Send + 'static,

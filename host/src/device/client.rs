@@ -203,7 +203,7 @@ impl Client {
     /// The last round trips.
     #[must_use]
     pub fn summarise_round_trips(&self) -> RoundTripSummary {
-        self.round_trips.summarise()
+        self.round_trips.compute_median_worst_and_jitter()
     }
 
     /// When the last byte of the last frame that was answered was handed to the port.

@@ -102,7 +102,7 @@ impl ClockFit {
 
     /// The board's time in s at `time_s` of the host: the fitted line, shifted if need be so that the last answer was given between its question and
     /// its arrival. So an estimate that cannot follow the clock is still right to a round trip.
-    fn board_time_at_host_time_s(&self, time_s: f64) -> f64 {
+    fn board_time_s_at_host_time_clamped_by_last_sample(&self, time_s: f64) -> f64 {
         let ClockSample { sent_s, received_s, board_us } = self.last;
         let least_s = microseconds_to_seconds(board_us - self.board_zero_us);
         let found_s = self.fitted_board_time_s_in_answer_to_request_sent_at(received_s - self.least_half_s);
@@ -110,7 +110,12 @@ impl ClockFit {
         self.fitted_board_time_s_in_answer_to_request_sent_at(time_s - self.least_half_s) + (true_s - found_s)
     }
 
-    fn add_sample_unless_late_outlier(&mut self, sent_s: f64, half_round_trip_s: f64, board_s: f64) {
+    fn add_sample_shifting_fit_on_clock_jump_unless_late_outlier(
+        &mut self,
+        sent_s: f64,
+        half_round_trip_s: f64,
+        board_s: f64,
+    ) {
         self.samples += 1;
         if half_round_trip_s < self.least_half_s + (sent_s - self.least_half_at_s) * ROUND_TRIP_AGEING {
             (self.least_half_s, self.least_half_at_s) = (half_round_trip_s, sent_s);
@@ -179,7 +184,7 @@ impl ClockSync {
             Some(fit) => {
                 fit.last = last;
                 let board_s = microseconds_to_seconds(board_us - fit.board_zero_us);
-                fit.add_sample_unless_late_outlier(sent_s, half_s, board_s);
+                fit.add_sample_shifting_fit_on_clock_jump_unless_late_outlier(sent_s, half_s, board_s);
             }
             none => {
                 *none = Some(ClockFit {
@@ -209,7 +214,7 @@ impl ClockSync {
     pub fn board_time_us_at(&self, when: Instant) -> Option<u64> {
         let fit = self.fit.as_ref()?;
         // The board reads its clock half a round trip after the question was sent.
-        let since_s = fit.board_time_at_host_time_s(self.seconds_since_zero(when));
+        let since_s = fit.board_time_s_at_host_time_clamped_by_last_sample(self.seconds_since_zero(when));
         fit.board_zero_us.checked_add_signed((since_s * 1e6).round() as i64)
     }
 

@@ -17,7 +17,7 @@ const NARROWEST_PPM: u32 = 50;
 /// actuators share a rail and one needs next to no force.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates, which is what is wanted")]
-pub fn drive_to_wire(drive: &SiDrive) -> ChannelDrive {
+pub fn drive_to_wire_zeroing_too_narrow_pulses(drive: &SiDrive) -> ChannelDrive {
     let turns = (drive.phase_rad / std::f64::consts::TAU).rem_euclid(1.0);
     let (pulse_width_ppm, voltage_millivolts) =
         match ((drive.pulse_width * 1e6).round() as u32, (drive.voltage_v * 1e3).floor() as u32) {
@@ -234,10 +234,10 @@ mod tests {
         let drive =
             |pulse_width| SiDrive { channel: 1, frequency_hz: 60.0, voltage_v: 900.0, pulse_width, phase_rad: 0.0 };
         for pulse_width in [0.0, 17e-6, 49e-6] {
-            let wire = drive_to_wire(&drive(pulse_width));
+            let wire = drive_to_wire_zeroing_too_narrow_pulses(&drive(pulse_width));
             assert_eq!((wire.pulse_width_ppm, wire.voltage_millivolts), (500_000, 0), "{pulse_width}");
         }
-        let wire = drive_to_wire(&drive(51e-6));
+        let wire = drive_to_wire_zeroing_too_narrow_pulses(&drive(51e-6));
         assert_eq!((wire.pulse_width_ppm, wire.voltage_millivolts), (51, 900_000));
     }
 }

@@ -82,7 +82,7 @@ impl EmulatedBoard {
     /// # Errors
     /// [`EmulatedError`].
     pub fn find_or_build_firmware_and_start_emulator() -> Result<Self, EmulatedError> {
-        let elf = find_firmware_in_environment_or_build(&find_source_root()?)?;
+        let elf = find_firmware_in_environment_or_build(&find_source_root_in_environment_or_compiled_in_path()?)?;
         Self::start_image(elf)
     }
 
@@ -100,7 +100,7 @@ impl EmulatedBoard {
     }
 
     fn start_image(elf: PathBuf) -> Result<Self, EmulatedError> {
-        let source = find_source_root()?;
+        let source = find_source_root_in_environment_or_compiled_in_path()?;
         tracing::info!("starting {} in the emulator", elf.display());
         let mut child = Command::new("python3")
             .arg(source.join("tools/emulator/launch.py"))
@@ -146,7 +146,9 @@ impl EmulatedBoard {
     ///
     /// # Errors
     /// [`EmulatedError::Control`].
-    pub fn read_channel_timers_with_main_output_bit_from_pins(&self) -> Result<Vec<TimerRegisters>, EmulatedError> {
+    pub fn read_channel_timers_with_main_output_bit_masked_by_pins(
+        &self,
+    ) -> Result<Vec<TimerRegisters>, EmulatedError> {
         let answer = self.send_bridge_command_and_await_answer(&json!({"op": "timers"}))?;
         let pins = self.send_bridge_command_and_await_answer(&json!({"op": "pins"}))?;
         (1..)
@@ -213,7 +215,7 @@ impl BridgePipes {
     }
 }
 
-fn find_source_root() -> Result<PathBuf, EmulatedError> {
+fn find_source_root_in_environment_or_compiled_in_path() -> Result<PathBuf, EmulatedError> {
     let root = std::env::var_os("ERA_SOURCE").map_or_else(|| PathBuf::from(BUILT_IN), PathBuf::from);
     let needed = root.join("tools/emulator/launch.py");
     if needed.exists() { Ok(root) } else { Err(EmulatedError::NoSource { path: needed }) }

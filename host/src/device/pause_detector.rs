@@ -27,13 +27,15 @@ impl PauseDetector {
     /// A detector whose owner calls [`Self::take_time_since_last_call_if_host_slept_or_process_suspended`] at least every `longest` while the program runs.
     #[must_use]
     pub fn new(longest: Duration) -> Self {
-        let [asked, asleep] = read_uptime_and_time_asleep();
+        let [asked, asleep] = read_uptime_including_sleep_and_time_asleep();
         Self { longest, asked, asleep }
     }
 
     /// How long the program has not run since the last call; `None` if it has run.
     pub fn take_time_since_last_call_if_host_slept_or_process_suspended(&mut self) -> Option<Duration> {
-        self.take_time_since_last_call_if_host_slept_or_process_suspended_at(read_uptime_and_time_asleep())
+        self.take_time_since_last_call_if_host_slept_or_process_suspended_at(
+            read_uptime_including_sleep_and_time_asleep(),
+        )
     }
 
     fn take_time_since_last_call_if_host_slept_or_process_suspended_at(
@@ -50,7 +52,7 @@ impl PauseDetector {
 }
 
 /// Time since the computer was started, and how much of it it has slept.
-fn read_uptime_and_time_asleep() -> [Duration; 2] {
+fn read_uptime_including_sleep_and_time_asleep() -> [Duration; 2] {
     let read = |clock| Duration::try_from(clock_gettime(clock)).unwrap_or_default();
     let all = read(COUNTS_SLEEP);
     [all, all.saturating_sub(read(ClockId::Monotonic))]

@@ -38,7 +38,7 @@ impl RoundTripHistory {
 
     /// Statistics of the round trips that are kept.
     #[must_use]
-    pub fn summarise(&self) -> RoundTripSummary {
+    pub fn compute_median_worst_and_jitter(&self) -> RoundTripSummary {
         let mut sorted: Vec<Duration> = self.0.iter().copied().collect();
         sorted.sort_unstable();
         let steps = self.0.iter().zip(self.0.iter().skip(1)).map(|(one, next)| one.abs_diff(*next));
@@ -57,7 +57,9 @@ mod tests {
 
     #[test]
     fn jitter_is_the_mean_step_from_one_round_trip_to_the_next() {
-        let of = |ms: &[u64]| RoundTripHistory(ms.iter().copied().map(Duration::from_millis).collect()).summarise();
+        let of = |ms: &[u64]| {
+            RoundTripHistory(ms.iter().copied().map(Duration::from_millis).collect()).compute_median_worst_and_jitter()
+        };
         let ms = |ms| Some(Duration::from_millis(ms));
         assert_eq!(of(&[]), RoundTripSummary::default());
         assert_eq!(of(&[4]), RoundTripSummary { median: ms(4), worst: ms(4), jitter: None });
@@ -72,7 +74,7 @@ mod tests {
         last.add_round_trip(Duration::from_secs(9));
         (0..64).for_each(|_| last.add_round_trip(Duration::from_millis(2)));
         assert_eq!(
-            (last.summarise().worst, last.newest_round_trip()),
+            (last.compute_median_worst_and_jitter().worst, last.newest_round_trip()),
             (Some(Duration::from_millis(2)), Some(Duration::from_millis(2)))
         );
     }

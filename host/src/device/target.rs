@@ -238,7 +238,7 @@ impl OpenDevice {
 
     /// Describes a failed link, with the programs that have the port open as well. An emulated board has no cable.
     #[must_use]
-    pub fn describe_link_error(&self, error: &LinkError) -> String {
+    pub fn describe_link_error_for_emulator_or_name_programs_on_port(&self, error: &LinkError) -> String {
         match (&self.keeper, error) {
             (DeviceBackend::Emulated(_), LinkError::Io(source)) => {
                 format!(
@@ -312,12 +312,12 @@ impl OpenDevice {
 pub fn describe_link_error_and_name_programs_on_port(path: &str, error: &LinkError) -> String {
     let users = match error {
         LinkError::Silent { .. } | LinkError::Blocked { .. } | LinkError::Unexpected { .. } => {
-            PortUsers::find_for_port(path).sentence_about_users_of_faulty_port_or_empty()
+            PortUsers::find_for_port(path).sentence_about_visible_or_hidden_users_of_faulty_port_or_empty()
         }
         // A port that fails has most often lost its board: who may not be seen is not suspected.
         LinkError::Io(_) => Some(PortUsers::find_for_port(path))
             .filter(PortUsers::are_any_visible)
-            .map(|users| users.sentence_about_users_of_faulty_port_or_empty())
+            .map(|users| users.sentence_about_visible_or_hidden_users_of_faulty_port_or_empty())
             .unwrap_or_default(),
         _ => String::new(),
     };

@@ -25,7 +25,10 @@ pub fn ask_board(path: &str) -> PortAnswer {
     };
     let asked = run_port_calls_in_thread_abandoned_after_limit(path, ASK_LIMIT, move |step| {
         step.name_and_run_call("read or write", || {
-            read_board_report(&mut Client::with_retry_policy(Box::new(transport), REAL_TIME.retry_policy))
+            read_board_report_with_supply_and_clock_if_idle(&mut Client::with_retry_policy(
+                Box::new(transport),
+                REAL_TIME.retry_policy,
+            ))
         })
     });
     match asked {
@@ -51,7 +54,7 @@ fn classify_open_error(error: &PortError) -> PortAnswer {
 ///
 /// # Errors
 /// [`LinkError`] if the board does not say who it is, or falls silent.
-pub fn read_board_report(client: &mut Client) -> Result<BoardReport, LinkError> {
+pub fn read_board_report_with_supply_and_clock_if_idle(client: &mut Client) -> Result<BoardReport, LinkError> {
     let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
     let reply = client.request(&hello)?;
     let identity = DeviceIdentity::from_reply_if_hello(reply).ok_or_else(|| unexpected_reply_error("hello"))?;

@@ -52,7 +52,7 @@ pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, way: Dae
                     | ureq::Error::HostNotFound
                     | ureq::Error::Timeout(ureq::Timeout::Connect),
                 ) => Daemon::Absent,
-                (None, ureq::Error::Io(error)) if means_no_listener(error) => Daemon::Absent,
+                (None, ureq::Error::Io(error)) if means_refused_unreachable_or_unknown_host(error) => Daemon::Absent,
                 (None, error) => Daemon::Stranger(error.to_string()),
             };
         }
@@ -72,11 +72,11 @@ pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, way: Dae
     if !status.is_success() {
         return Daemon::Stranger(format!("the status of its answer is {status}"));
     }
-    parse_daemon_state(&state)
+    parse_daemon_state_or_stranger(&state)
 }
 
 /// Whether nobody took the connection.
-fn means_no_listener(error: &std::io::Error) -> bool {
+fn means_refused_unreachable_or_unknown_host(error: &std::io::Error) -> bool {
     use std::io::ErrorKind;
     // Not found: a name without an address.
     matches!(
@@ -87,7 +87,7 @@ fn means_no_listener(error: &std::io::Error) -> bool {
 
 /// Reads the answer to `GET /v1/state`.
 #[must_use]
-pub fn parse_daemon_state(state: &Value) -> Daemon {
+pub fn parse_daemon_state_or_stranger(state: &Value) -> Daemon {
     let (device, daemon) = (&state["device"], &state["daemon"]);
     let (Some(version), Some(kind), Some(port)) =
         (parse_string(&daemon["version"]), parse_string(&device["kind"]), parse_string(&device["port"]))

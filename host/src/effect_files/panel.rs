@@ -6,7 +6,7 @@
 use super::parts::{Part, PartContent, PulseKind};
 use crate::effects::{
     DesignError, EffectDesign, EffectRequest, NamedEffect, design_effect,
-    design_effect_of_windows_if_click_else_of_drives, design_effect_with_given_envelope,
+    design_effect_of_windows_if_common_click_exists_else_of_drives, design_effect_with_given_envelope,
 };
 use crate::planner::click::{ClickOptions, Preference};
 use crate::planner::rise::PanelPoles;
@@ -191,7 +191,7 @@ impl<'a> PartDesigner<'a> {
             Some(place) => place,
             None => {
                 if part.offset_mm != (0.0, 0.0) {
-                    let place = table.scene.surface_point_at(x_m, y_m);
+                    let place = table.scene.surface_or_bar_axis_point_outside_cutouts(x_m, y_m);
                     place.map_err(|error| PanelEffectError::Offset { offset_mm: part.offset_mm, error })?;
                 }
                 let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(asked_g) }])?;
@@ -244,11 +244,15 @@ fn design_pulse(
         PartKind::Tick => {
             let options =
                 ClickOptions { crisp_s: TICK_CRISP_S, preference: Preference::Crispness, ..ClickOptions::default() };
-            design_effect_of_windows_if_click_else_of_drives(table, poles, plan, request, options)
+            design_effect_of_windows_if_common_click_exists_else_of_drives(table, poles, plan, request, options)
         }
-        PartKind::Click => {
-            design_effect_of_windows_if_click_else_of_drives(table, poles, plan, request, ClickOptions::default())
-        }
+        PartKind::Click => design_effect_of_windows_if_common_click_exists_else_of_drives(
+            table,
+            poles,
+            plan,
+            request,
+            ClickOptions::default(),
+        ),
         PartKind::Thud | PartKind::Envelope => design_effect(table, poles, plan, request),
     }
 }

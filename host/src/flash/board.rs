@@ -146,7 +146,7 @@ fn ask_within_limit(mut client: Client, device: &OpenDevice, request: &Request) 
     })?;
     match reply {
         Ok(reply) => Ok((client, reply)),
-        Err(error) => Err(BoardError::Link(device.describe_link_error(&error))),
+        Err(error) => Err(BoardError::Link(device.describe_link_error_for_emulator_or_name_programs_on_port(&error))),
     }
 }
 

@@ -30,7 +30,7 @@ impl Bench {
     pub fn new(panel: SimPanel, max_voltages_v: &[f64]) -> Self {
         let mut board = SimBoard::new(panel, max_voltages_v, Clock::Manual(0));
         let mut device = Device::new();
-        device.complete_boot_to_discharging_or_fault(&mut board);
+        device.restore_credit_and_complete_boot_to_discharging_or_fault(&mut board);
         Self { device, board, port: LinkReceiver::new(LinkId(0)), sequence: 0, time_us: 0 }
     }
 

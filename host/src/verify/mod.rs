@@ -1,7 +1,7 @@
 //! Prediction against measurement: the planner works in the frequency domain, the simulated device in time. Both are told
 //! the same plan, the device by the same frames that a board would get, and its accelerometer is read.
 
-use crate::device::convert::{achieved_drive_from_wire, drive_to_wire};
+use crate::device::convert::{achieved_drive_from_wire, drive_to_wire_zeroing_too_narrow_pulses};
 use crate::device::sim::{LargestTravel, SimPanel};
 use crate::model::ReducedModel;
 use crate::planner::drive::assign_channels_in_order_of_drives;
@@ -10,7 +10,7 @@ use crate::planner::{self, Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target}
 use crate::response;
 use crate::scene::Scene;
 use crate::transient::reduced::{
-    make_viscous_and_silence_modes_too_fast_to_step_if_any, with_viscous_damping_if_hysteretic,
+    make_viscous_and_silence_fast_modes_unless_all_modes_are_slow, with_viscous_damping_if_hysteretic,
 };
 use bench::{Bench, convert_to_shared_rails, fit_amplitudes};
 use era_model::stop::StopRequest;
@@ -257,7 +257,7 @@ pub fn compare_plans_at_points_with_simulation(
 #[must_use]
 pub fn spread_points_over(scene: &Scene, count: u32) -> Vec<(f64, f64)> {
     let mut points = spread_points(count, scene.surface.length_m, scene.surface.width_m);
-    points.retain(|(x_m, y_m)| scene.surface_point_at(*x_m, *y_m).is_ok());
+    points.retain(|(x_m, y_m)| scene.surface_or_bar_axis_point_outside_cutouts(*x_m, *y_m).is_ok());
     points
 }
 
@@ -303,7 +303,8 @@ fn record_simulated_plan(
     let transducers: Vec<Transducer> = actuators.iter().map(Transducer::from_actuator).collect();
     let mut bench = Bench::new(panel, &volts);
     bench.send_request(&Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MAX_MS) })?;
-    let drives = assign_channels_in_order_of_drives(&plan.drives).iter().map(drive_to_wire).collect();
+    let drives =
+        assign_channels_in_order_of_drives(&plan.drives).iter().map(drive_to_wire_zeroing_too_narrow_pulses).collect();
     let Reply::DrivesSet { achieved } = bench.send_request(&Request::SetDrives { drives })? else {
         return Err(VerifyError::Device("it did not confirm the drives".into()));
     };
@@ -323,7 +324,7 @@ fn record_simulated_plan(
     let fundamentals = [
         of(&table.model, 1)?,
         causal_sum,
-        in_time(make_viscous_and_silence_modes_too_fast_to_step_if_any(&table.model), causal_sum)?,
+        in_time(make_viscous_and_silence_fast_modes_unless_all_modes_are_slow(&table.model), causal_sum)?,
     ];
     // From rest, the motion is the steady one and a free one that cancels it at first.
     let peak = waveform.peak_m_per_s2(0.0, step_s, count_samples(RECORD_S, step_s));

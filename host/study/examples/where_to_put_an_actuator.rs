@@ -4,7 +4,7 @@
 
 use era_model::scene::STARTING_PLATE;
 use era_study::evaluate::QuickEvaluator;
-use era_study::result::{DesignTable, choose_finalist_indices_best_first};
+use era_study::result::{DesignTable, choose_distinct_finalist_indices_meeting_limits_best_first};
 use era_study::run::{Shard, Study, StudyFolder, compute_missing_rows_of_shard};
 use std::error::Error;
 
@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = StudyFolder::open_or_create_refusing_folder_of_other_study(results.path(), study.fingerprint())?;
     compute_missing_rows_of_shard(&study, &folder, &QuickEvaluator::new(study.plan_table_options()), Shard::ALL, &())?;
     let table = DesignTable::gather_from_folder(&study, &folder)?;
-    for place in choose_finalist_indices_best_first(&study, &table, 3) {
+    for place in choose_distinct_finalist_indices_meeting_limits_best_first(&study, &table, 3) {
         let entry = &table.entries[place];
         let settings = &entry.row.design.settings;
         println!("design {}: {:.3} g at the weakest place with {settings:?}", place + 1, entry.wishes[0]);

@@ -437,7 +437,7 @@ fn move_to_nearest_border_if_in_cutout(scene: &Scene, fallback_m: (f64, f64), at
         along_x.into_iter().chain(along_y)
     });
     let distance = |(x_m, y_m): &(f64, f64)| (x_m - at_m.0).hypot(y_m - at_m.1);
-    let there = borders.filter(|(x_m, y_m)| scene.surface_point_at(*x_m, *y_m).is_ok());
+    let there = borders.filter(|(x_m, y_m)| scene.surface_or_bar_axis_point_outside_cutouts(*x_m, *y_m).is_ok());
     there.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(fallback_m)
 }
 
@@ -461,7 +461,7 @@ fn compute_steady_peak_acceleration_m_per_s2(
     let frequencies: Vec<f64> = drives.iter().map(|drive| drive.frequency_hz).collect();
     let Some(most_hz) = frequencies.iter().copied().reduce(f64::max) else { return Ok(0.0) };
     let model = PanelModel::build(scene, Accuracy::FAST, most_hz)?
-        .reduce_with_residual_shapes_of_actuators_and_points(most_hz, &[(x_m, y_m)])?;
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(most_hz, &[(x_m, y_m)])?;
     let curves = compute_acceleration_curves_per_newton(&model, &model.shape_deflections_at(x_m, y_m), &frequencies)?;
     let components: Vec<SineComponent> = drives
         .iter()

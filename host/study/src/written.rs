@@ -1,7 +1,8 @@
 //! What a study leaves in its folder, and what is said of it: the same whoever has computed it.
 
 use crate::report::{
-    format_bound_with_one_digit_rounded_up, format_four_significant_digits_or_no_value_if_nan, write_report_html,
+    format_bound_in_scientific_notation_rounded_up_to_one_digit, format_four_significant_digits_or_no_value_if_nan,
+    write_report_html,
 };
 use crate::result::{
     DesignStatus, DesignTable, Finalist, GatherError, TableEntry, TableError, VerifiedFinalists, write_parquet,
@@ -82,7 +83,7 @@ fn format_scene_file_of_finalist(study: &Study, table: &DesignTable, finalist: &
             format_four_significant_digits_or_no_value_if_nan(value)
         );
     }
-    if let Some(limits) = finalist.describe_verified_broken_limits_if_any(study) {
+    if let Some(limits) = finalist.describe_broken_limits_if_any_unless_verification_failed(study) {
         let _ = writeln!(text, "# In the thorough evaluation, this design breaks a limit: {limits}.");
     }
     format!("{text}\n{}", finalist.text)
@@ -143,9 +144,9 @@ impl StudyResults {
                 "weakest_mm": verified.ok().and_then(|verified| verified.figures.weakest_mm),
                 "error_bound": verified.ok().and_then(|verified| verified.bound),
                 "error_bounds": names_and_relative_error_bounds_of_finalist(study, own).into_iter().collect::<BTreeMap<_, _>>(),
-                "tolerance_met": verified.ok().and_then(|verified| verified.is_tolerance_met_by_boundable_figures_if_known(&study.figures, finals.tolerance)),
+                "tolerance_met": verified.ok().and_then(|verified| verified.is_tolerance_met_by_boundable_figures_if_any_and_all_bounded(&study.figures, finals.tolerance)),
                 "worst": names_and_worst_case_wish_figures_if_uncertain(study, table, own).into_iter().collect::<BTreeMap<_, _>>(),
-                "breaks": own.describe_verified_broken_limits_if_any(study),
+                "breaks": own.describe_broken_limits_if_any_unless_verification_failed(study),
                 "failed": verified.err(),
             })
         };
@@ -184,11 +185,10 @@ impl StudyResults {
                     || "failed".into(),
                     |value| format_four_significant_digits_or_no_value_if_nan(*value),
                 ));
-                cells.extend(
-                    is_bounded.then(|| {
-                        bound(own, k).map_or_else(|| "not known".into(), format_bound_with_one_digit_rounded_up)
-                    }),
-                );
+                cells.extend(is_bounded.then(|| {
+                    bound(own, k)
+                        .map_or_else(|| "not known".into(), format_bound_in_scientific_notation_rounded_up_to_one_digit)
+                }));
             }
             let _ = writeln!(text, "| {} |", cells.join(" | "));
         }
@@ -199,7 +199,8 @@ impl StudyResults {
         }
         let missed = |own: &Finalist| {
             own.verified.as_ref().is_ok_and(|found| {
-                found.is_tolerance_met_by_boundable_figures_if_known(&study.figures, finals.tolerance) != Some(true)
+                found.is_tolerance_met_by_boundable_figures_if_any_and_all_bounded(&study.figures, finals.tolerance)
+                    != Some(true)
             }) && study.figures.iter().any(WantedFigure::can_have_error_bound)
         };
         let missed: Vec<&str> = all.iter().filter(|(_, own)| missed(own)).map(|(name, _)| name.as_str()).collect();
@@ -252,7 +253,7 @@ impl StudyResults {
                     format_four_significant_digits_or_no_value_if_nan(value)
                 );
             }
-            if let Some(limits) = own.describe_verified_broken_limits_if_any(study) {
+            if let Some(limits) = own.describe_broken_limits_if_any_unless_verification_failed(study) {
                 let _ = write!(text, " (in the thorough evaluation, this design breaks a limit: {limits})");
             }
             if let Err(reason) = &own.verified {

@@ -4,7 +4,9 @@ use era_model::model::{Accuracy, compute_modes_with_error_bounds};
 use era_model::scene::{STARTING_PLATE, Scene, SceneError};
 use era_model::stop::StopRequest;
 use era_study::evaluate::{EvaluateError, Evaluator, Figures, QuickEvaluator};
-use era_study::result::{DesignStatus, DesignTable, GatherError, choose_finalist_indices_best_first, write_parquet};
+use era_study::result::{
+    DesignStatus, DesignTable, GatherError, choose_distinct_finalist_indices_meeting_limits_best_first, write_parquet,
+};
 use era_study::run::{
     DesignOutcome, RunEnd, Shard, Study, StudyFolder, StudyObserver, StudyTask, compute_missing_rows_of_shard,
 };
@@ -257,7 +259,7 @@ fn the_best_are_found() {
     compute_missing_rows_of_shard(&study_of_grid, &folder(place.path(), &study_of_grid), &evaluator(), Shard::ALL, &())
         .unwrap();
     let table = DesignTable::gather_from_folder(&study_of_grid, &folder(place.path(), &study_of_grid)).unwrap();
-    let best = choose_finalist_indices_best_first(&study_of_grid, &table, 3);
+    let best = choose_distinct_finalist_indices_meeting_limits_best_first(&study_of_grid, &table, 3);
     let all = table.entries.iter().filter(|entry| entry.status == DesignStatus::Kept).map(|entry| entry.wishes[0]);
     assert_eq!(table.entries[best[0]].wishes[0], all.fold(f64::NEG_INFINITY, f64::max));
     assert!(best.len() == 3 && table.entries[best[0]].wishes[0] >= table.entries[best[1]].wishes[0]);
@@ -265,7 +267,7 @@ fn the_best_are_found() {
     let place = tempfile::tempdir().unwrap();
     compute_missing_rows_of_shard(&evolving, &folder(place.path(), &evolving), &evaluator(), Shard::ALL, &()).unwrap();
     let table = DesignTable::gather_from_folder(&evolving, &folder(place.path(), &evolving)).unwrap();
-    let best = &table.entries[choose_finalist_indices_best_first(&evolving, &table, 1)[0]];
+    let best = &table.entries[choose_distinct_finalist_indices_meeting_limits_best_first(&evolving, &table, 1)[0]];
     assert!(best.wishes[0] > 1.999, "{best:?}");
 }
 
@@ -279,7 +281,7 @@ fn limits_hold_and_the_worst_of_what_may_be_off_counts() {
     let place = tempfile::tempdir().unwrap();
     compute_missing_rows_of_shard(&limited, &folder(place.path(), &limited), &evaluator(), Shard::ALL, &()).unwrap();
     let table = DesignTable::gather_from_folder(&limited, &folder(place.path(), &limited)).unwrap();
-    let best = &table.entries[choose_finalist_indices_best_first(&limited, &table, 1)[0]];
+    let best = &table.entries[choose_distinct_finalist_indices_meeting_limits_best_first(&limited, &table, 1)[0]];
     let spring = best.row.figures_unless_failed().unwrap().values[1];
     assert!(spring <= 3000.0 && spring > 2950.0, "{best:?}");
     let broken = table.entries.iter().find(|entry| entry.status == DesignStatus::Broken).unwrap();

@@ -19,7 +19,7 @@ fn table_at(scene: &Scene, accuracy: Accuracy, hz: f64) -> PlanTable {
 fn reduced(scene: &Scene, accuracy: Accuracy, to_hz: f64) -> ReducedModel {
     PanelModel::build(scene, accuracy, to_hz)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(to_hz, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(to_hz, &[])
         .unwrap()
 }
 

@@ -1,12 +1,13 @@
 //! Effects as designed against effects as played: the same frames that a board gets, on a panel in time.
 
 use crate::support;
-use era::device::convert::{drive_to_wire, windows_to_wire_sequence_dropping_excess};
+use era::device::convert::{drive_to_wire_zeroing_too_narrow_pulses, windows_to_wire_sequence_dropping_excess};
 use era::device::sim::{LargestTravel, STEP_S, low_pass_response};
 use era::effects::design::EffectPrediction;
 use era::effects::{
     EffectDesign, EffectRequest, Intensity, NamedEffect, design_effect,
-    design_effect_of_windows_if_click_else_of_drives, intensity, plan_request_with_intensity_for_targets_without_one,
+    design_effect_of_windows_if_common_click_exists_else_of_drives, intensity,
+    plan_request_with_intensity_for_targets_without_one,
 };
 use era::model::Accuracy;
 use era::model::levels::ReducedLevels;
@@ -41,7 +42,7 @@ fn arm_device(bench: &mut Bench, until_us: u64) {
 /// The accelerometer's record in m/s^2 from `start_us` on, the effects' start; rails are up long before.
 fn play_effects(bench: &mut Bench, design: &EffectDesign, effects: &[Effect], start_us: u64) -> Vec<f64> {
     arm_device(bench, 100_000);
-    let drives = design.drives_with_board_channels().iter().map(drive_to_wire).collect();
+    let drives = design.drives_with_board_channels().iter().map(drive_to_wire_zeroing_too_narrow_pulses).collect();
     let prepared = bench.send_request(&Request::Prepare { drives }).unwrap();
     assert!(matches!(prepared, Reply::Prepared { .. }), "{prepared:?}");
     bench.run_until_us(start_us - 20_000).unwrap();
@@ -125,7 +126,9 @@ fn clicks_of_single_windows_do_what_is_predicted() {
         let target = Target { x_m, y_m, intensity_g: Some(g) };
         let plan = table.plan(&[target]).unwrap();
         let (request, options) = (EffectRequest::with_defaults(NamedEffect::Click), ClickOptions::default());
-        let design = design_effect_of_windows_if_click_else_of_drives(&table, poles, &plan, request, options).unwrap();
+        let design =
+            design_effect_of_windows_if_common_click_exists_else_of_drives(&table, poles, &plan, request, options)
+                .unwrap();
         let shapes = [intensity::mode_shape_values_at_point_or_on_bar_axis(&table, x_m, y_m)];
         let click = design_click_windows(&table, poles, &shapes, &[g * STANDARD_GRAVITY], options).unwrap();
         assert_eq!(click.windows.len(), design.windows.len());
@@ -172,7 +175,8 @@ fn several_fingers_feel_the_same_click() {
         let (request, options) = (EffectRequest::with_defaults(NamedEffect::Click), ClickOptions::default());
         let design_for = |targets: &[Target]| {
             let plan = table.plan(targets).unwrap();
-            design_effect_of_windows_if_click_else_of_drives(&table, poles, &plan, request, options).unwrap()
+            design_effect_of_windows_if_common_click_exists_else_of_drives(&table, poles, &plan, request, options)
+                .unwrap()
         };
         let design = design_for(&targets);
         assert!(!design.windows.is_empty() && design.peaks_g.len() == fingers.len(), "{fingers:?}: {design:?}");
@@ -362,7 +366,7 @@ const NEXT_BURST_US: u64 = 60_000;
 fn play_effects_in_quick_succession(bench: &mut Bench, table: &PlanTable, designs: &[&EffectDesign], name: &str) {
     arm_device(bench, 300_000);
     let predict =
-        |design: &EffectDesign| design.predict_travel_and_free_motion_of_effect_if_poles_known(table).unwrap();
+        |design: &EffectDesign| design.predict_travel_and_free_motion_left_by_effect_if_poles_known(table).unwrap();
     let mut residual = ResidualVibration::new(table.decay_rate_and_travel_of_each_pole());
     for (design, number) in designs.iter().zip(1_u32..) {
         let now_s = bench.time_s();
@@ -402,7 +406,7 @@ fn start_effect_soon(bench: &mut Bench, design: &EffectDesign, number: u32, name
         let Ok(Reply::WindowsPlaying { start_us }) = reply else { panic!("{name}, effect {number}: {reply:?}") };
         return start_us;
     }
-    let drives = design.drives_with_board_channels().iter().map(drive_to_wire).collect();
+    let drives = design.drives_with_board_channels().iter().map(drive_to_wire_zeroing_too_narrow_pulses).collect();
     let prepared = bench.send_request(&Request::Prepare { drives });
     assert!(matches!(prepared, Ok(Reply::Prepared { .. })), "{name}, effect {number}: {prepared:?}");
     let start_us = bench.time_us() + RISE_US;
@@ -493,7 +497,7 @@ fn the_travel_of_random_effects_stays_within_a_third_of_the_gap() {
             let design = if k % 3 == 0 {
                 design_effect(&table, poles, &plan, request)
             } else {
-                design_effect_of_windows_if_click_else_of_drives(&table, poles, &plan, request, options)
+                design_effect_of_windows_if_common_click_exists_else_of_drives(&table, poles, &plan, request, options)
             };
             let Ok(design) = design else { continue };
             let mut bench = make_bench(&table, &targets[0]);

@@ -184,7 +184,7 @@ fn the_board_takes_a_plan_at_the_supplys_limit() {
     let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap();
     let table = PlanTable::build(
         &scene,
-        model.reduce_with_residual_shapes_of_actuators_and_points(400.0, &[]).unwrap(),
+        model.reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[]).unwrap(),
         options,
     )
     .unwrap();

@@ -219,7 +219,7 @@ fn the_model_takes_any_number_of_actuators_and_the_planner_four() {
     let options = era::planner::TableOptions { from_hz: 60.0, to_hz: 80.0, step_hz: 10.0 };
     let model = era::model::PanelModel::build(&six, era::model::Accuracy::FAST, 80.0)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(80.0, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(80.0, &[])
         .unwrap();
     let table = era::planner::PlanTable::build(&six, model, options).unwrap();
     let target = era::planner::Target { x_m: 0.1, y_m: 0.1, intensity_g: None };

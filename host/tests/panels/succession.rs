@@ -179,7 +179,7 @@ fn ordinary_touches_are_neither_late_nor_weaker() {
                 EffectRequest::with_defaults(NamedEffect::Click),
             )
             .unwrap();
-            let motion = design.predict_travel_and_free_motion_of_effect_if_poles_known(&table).unwrap();
+            let motion = design.predict_travel_and_free_motion_left_by_effect_if_poles_known(&table).unwrap();
             let room = residual.find_wait_and_force_fraction_within_travel_limits(&motion, None, now_s, RailState::Up);
             assert_eq!(room, StartHeadroom::ALL, "click {i} of {intensity_g} g");
             residual.record_drives_that_begin_in_place_of_others(

@@ -142,7 +142,7 @@ fn a_drive_of_the_example_bar_is_softened_as_the_spring_law_says() {
     let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
     let model = PanelModel::build(&scene, Accuracy::FAST, 400.0)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[])
         .unwrap();
     let solver = CoordinateSolver::new(&model);
     let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::from_actuator).collect();

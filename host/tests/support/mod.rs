@@ -36,7 +36,7 @@ pub fn table(text: &str) -> PlanTable {
     let options = TableOptions::default();
     let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(options.to_hz, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(options.to_hz, &[])
         .unwrap();
     PlanTable::build(&scene, model, options).unwrap()
 }

@@ -31,7 +31,7 @@ impl Board {
     pub fn posing_as(kind: BoardKind, min: u8, current: u8) -> Self {
         let mut board = SimBoard::new(still_panel(), &[2000.0; 2], Clock::Wall(Instant::now())).with_board_kind(kind);
         let mut device = Device::new();
-        device.complete_boot_to_discharging_or_fault(&mut board);
+        device.restore_credit_and_complete_boot_to_discharging_or_fault(&mut board);
         let (port, decoder) = (LinkReceiver::new(LinkId(0)), Decoder::new());
         Self { min, current, device, board, port, decoder, answers: VecDeque::new() }
     }

@@ -45,7 +45,7 @@ impl TimedBoard {
     pub fn new() -> Self {
         let mut board = SimBoard::new(still_panel(), &[2000.0; 2], Clock::Manual(0));
         let mut device = Device::new();
-        device.complete_boot_to_discharging_or_fault(&mut board);
+        device.restore_credit_and_complete_boot_to_discharging_or_fault(&mut board);
         Self(Arc::new(Mutex::new(Inner {
             device,
             board,

@@ -26,7 +26,7 @@ const EARLIEST_US: u64 = 10_000_000;
 const BURST_MIN_MS: u16 = 1;
 
 impl Device {
-    pub(super) fn do_due_work_and_answer_request(
+    pub(super) fn do_due_work_answer_request_and_note_sign_of_life(
         &mut self,
         board: &mut impl Board,
         link: LinkId,
@@ -74,13 +74,14 @@ impl Device {
                 .replace_drives_of_all_channels(board, link, drives, false)
                 .map(|achieved| Reply::Prepared { achieved }),
             Request::Play { channel, start_us, effect } => {
-                self.queue_effect(board, link, *channel, *start_us, effect, now_us)
+                self.queue_effect_and_write_due_preloads(board, link, *channel, *start_us, effect, now_us)
             }
             Request::PlayOnce { number, channel, start_us, effect } => {
                 if self.look_up_played_number_with_start_us_if_window_sequence(link, *number) == Some(None) {
                     return Ok(Reply::Playing);
                 }
-                let reply = self.queue_effect(board, link, *channel, *start_us, effect, now_us)?;
+                let reply =
+                    self.queue_effect_and_write_due_preloads(board, link, *channel, *start_us, effect, now_us)?;
                 self.remember_played(link, *number, None);
                 Ok(reply)
             }
@@ -218,7 +219,7 @@ impl Device {
         Ok(achieved)
     }
 
-    fn queue_effect(
+    fn queue_effect_and_write_due_preloads(
         &mut self,
         board: &mut impl Board,
         link: LinkId,

@@ -38,7 +38,7 @@ impl Device {
         if now_us >= self.next_tick_us || self.next_tick_us - now_us > TICK_US {
             // Not a fixed grid: after a pause there is nothing to catch up with.
             self.next_tick_us = now_us + TICK_US;
-            if let Err((code, detail)) = self.run_millisecond_checks(board, now_us) {
+            if let Err((code, detail)) = self.run_millisecond_checks_and_advance_state(board, now_us) {
                 self.switch_all_off_and_latch_fault(board, code, detail, now_us);
             }
             self.tick_done = true;
@@ -46,11 +46,19 @@ impl Device {
         if let Err((code, detail)) = self.write_due_preloads_and_check_no_window_was_missed(board) {
             self.switch_all_off_and_latch_fault(board, code, detail, now_us);
         }
-        let due_us = self.sequencer.as_ref().and_then(Sequencer::next_extra_poll_us_if_needed).unwrap_or(u64::MAX);
+        let due_us = self
+            .sequencer
+            .as_ref()
+            .and_then(Sequencer::poll_us_after_next_boundary_if_playing_or_too_near)
+            .unwrap_or(u64::MAX);
         due_us.min(self.next_tick_us)
     }
 
-    fn run_millisecond_checks(&mut self, board: &mut impl Board, now_us: u64) -> Result<(), FaultFinding> {
+    fn run_millisecond_checks_and_advance_state(
+        &mut self,
+        board: &mut impl Board,
+        now_us: u64,
+    ) -> Result<(), FaultFinding> {
         let readings = board.read_sensors_and_take_trip();
         self.measured_millivolts = readings.rail_millivolts;
         if let Some(finding) = readings.trip {
@@ -94,11 +102,11 @@ impl Device {
                 if !self.supply.is_enabled_or_any_discharge_open() {
                     self.check_discharge_is_in_time_and_distrust_if_too_fast(now_us, &readings)?;
                 }
-                self.step_self_test(board, now_us, &readings)
+                self.step_self_test_and_arm_with_held_drives_when_passed(board, now_us, &readings)
             }
             SafetyState::Armed | SafetyState::Running => {
                 self.end_drives_that_must_stop_or_fault_if_windows_unfinished(must_stop)?;
-                self.check_while_live_and_advance_rails(board, now_us, &readings)
+                self.check_while_live_advance_rails_and_rest_if_no_drive(board, now_us, &readings)
             }
         }
     }
@@ -138,7 +146,7 @@ impl Device {
     }
 
     /// One step of the self-test.
-    fn step_self_test(
+    fn step_self_test_and_arm_with_held_drives_when_passed(
         &mut self,
         board: &mut impl Board,
         now_us: u64,
@@ -155,7 +163,7 @@ impl Device {
             SelfTestVerdict::TryOverVoltageInputs(charged) => board.test_over_voltage_inputs(charged),
             SelfTestVerdict::TryElectrode { channel, electrode } => {
                 self.command_supply(board, safety::BLEED);
-                let pulses = board.pulse_electrode_and_measure_rail_mv(channel, electrode)?;
+                let pulses = board.pulse_electrode_and_get_rail_mv_after_first_and_last(channel, electrode)?;
                 self.command_supply(board, safety::CHARGE);
                 // The rails get their ms before they are looked at.
                 self.next_tick_us = board.now_us() + TICK_US;
@@ -234,7 +242,7 @@ impl Device {
     }
 
     /// Checks readings and timers while live, and moves the rails towards their targets.
-    fn check_while_live_and_advance_rails(
+    fn check_while_live_advance_rails_and_rest_if_no_drive(
         &mut self,
         board: &mut impl Board,
         now_us: u64,
@@ -244,19 +252,19 @@ impl Device {
             return Err(finding);
         }
         board.check_timers_still_count_and_hold_settings()?;
-        self.check_no_absent_era_is_driven(readings)?;
+        self.check_no_absent_era_is_driven_at_hazardous_voltage(readings)?;
         let charges = self.sequencer.as_mut().map(Sequencer::take_electrode_charge_counts).unwrap_or_default();
         // A rail that is not where it was set explains a wrong current: it is a fault of its own soon, and no electrode is to be blamed.
         if let Some(finding) =
             self.current.update_and_find_electrode_current_fault(now_us, readings, &self.supply, &charges)
-            && !self.watch.is_any_rail_in_doubt()
+            && !self.watch.is_any_rail_off_set_point_or_was_lately()
         {
             return Err(finding);
         }
-        let supply = self.rails.advance_set_points(now_us, readings);
+        let supply = self.rails.ramp_up_or_drop_set_points_and_build_supply_command(now_us, readings);
         self.command_supply(board, supply);
         let Some(sequencer) = &mut self.sequencer else { return Err((FaultCode::ArmFailed, 0)) };
-        set_force_fractions_to_compensate_too_high_rail_voltage(
+        set_force_fractions_to_compensate_rail_above_drive_voltage(
             sequencer,
             self.rails.target_millivolts(),
             self.measured_millivolts,
@@ -276,7 +284,10 @@ impl Device {
     }
 
     /// Checks that no ERA whose electrodes the self-test has not seen is driven with a hazardous voltage: what is switched there is unknown.
-    fn check_no_absent_era_is_driven(&self, readings: &SensorReadings) -> Result<(), FaultFinding> {
+    fn check_no_absent_era_is_driven_at_hazardous_voltage(
+        &self,
+        readings: &SensorReadings,
+    ) -> Result<(), FaultFinding> {
         for (channel, drives) in self.list_whether_each_channel_drives().into_iter().enumerate() {
             let rail = rail_index_of_channel(channel);
             let number = |values: &[u32; RAILS]| values.get(rail).copied().unwrap_or(u32::MAX);
@@ -367,7 +378,7 @@ impl Device {
         let sequencer = self.sequencer.as_mut().ok_or((FaultCode::DriveFailed, 0))?;
         sequencer.set_or_end_drives_from_next_boundary(goals, now_us);
         // From the first period on, which may begin before the next look: a rail that was higher is let down in some ms.
-        set_force_fractions_to_compensate_too_high_rail_voltage(sequencer, aims, self.measured_millivolts);
+        set_force_fractions_to_compensate_rail_above_drive_voltage(sequencer, aims, self.measured_millivolts);
         if goals.iter().any(Option::is_some) {
             self.connect_timers_to_electrodes_if_not_yet(board)?;
         }
@@ -406,7 +417,7 @@ impl Device {
 
 /// Sets the strengths of all drives for rails with these targets and measured voltages. Where a rail is still above its target, the
 /// measured voltage counts.
-fn set_force_fractions_to_compensate_too_high_rail_voltage(
+fn set_force_fractions_to_compensate_rail_above_drive_voltage(
     sequencer: &mut Sequencer,
     target_millivolts: [u32; RAILS],
     measured_millivolts: [u32; RAILS],

@@ -100,7 +100,7 @@ impl Default for Device {
 }
 
 impl Device {
-    /// A device that has not started: everything but questions is refused until [`Device::complete_boot_to_discharging_or_fault`].
+    /// A device that has not started: everything but questions is refused until [`Device::restore_credit_and_complete_boot_to_discharging_or_fault`].
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -133,7 +133,7 @@ impl Device {
 
     /// Ends start-up: outputs off, then `Discharging` until the rails are seen to be harmless, or `Fault` if the previous
     /// run ended in one.
-    pub fn complete_boot_to_discharging_or_fault(&mut self, board: &mut impl Board) {
+    pub fn restore_credit_and_complete_boot_to_discharging_or_fault(&mut self, board: &mut impl Board) {
         // Only Boot accepts this event, so a second call changes nothing but switches off once more.
         let now_us = board.now_us();
         let _ = self.safety.apply_event(SafetyEvent::BootComplete);
@@ -238,7 +238,7 @@ impl Device {
         } else {
             let reply = match postcard::from_bytes::<Request>(frame.body) {
                 Ok(request) if request.introduced_in_version() <= frame.version => self
-                    .do_due_work_and_answer_request(board, link, &request, frame.version)
+                    .do_due_work_answer_request_and_note_sign_of_life(board, link, &request, frame.version)
                     .unwrap_or_else(Reply::Refused),
                 _ => Reply::Refused(Refusal::Malformed),
             };
@@ -282,7 +282,7 @@ impl Device {
                 number(&set_millivolts).max(number(&self.measured_millivolts))
             });
             // A rail that is not where it was set may be measured wrongly: a broken divider shows nothing.
-            self.distrusted |= self.watch.is_any_rail_in_doubt();
+            self.distrusted |= self.watch.is_any_rail_off_set_point_or_was_lately();
         }
         self.supply = SupplyCommand::OFF;
         board.apply_supply_command(&self.supply);

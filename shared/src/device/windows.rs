@@ -146,7 +146,8 @@ impl Device {
                 charge: present_charge.max(self.budget.last_credit_charge_rate(index)),
             };
             let rest_us = sequencer.board_time_of_clock_us(start).saturating_sub(end_us);
-            if let Some(wait_ms) = self.budget.required_wait_for_plan_ms(index, last, plan(rest_us)) {
+            if let Some(wait_ms) = self.budget.required_wait_ms_for_burst_and_credit_of_plan(index, last, plan(rest_us))
+            {
                 return Err(Refusal::Duty { channel, wait_ms });
             }
         }

@@ -59,7 +59,7 @@ pub enum SelfTestVerdict {
     /// Test the inputs of the over-voltage comparators with these rails charged to [`TEST_MILLIVOLTS`]
     /// ([`crate::board::Board::test_over_voltage_inputs`]), then call again.
     TryOverVoltageInputs([bool; RAILS]),
-    /// With the supply disabled, make the pulses on this electrode ([`crate::board::Board::pulse_electrode_and_measure_rail_mv`]), recharge the rails, judge the
+    /// With the supply disabled, make the pulses on this electrode ([`crate::board::Board::pulse_electrode_and_get_rail_mv_after_first_and_last`]), recharge the rails, judge the
     /// pulses ([`super::judge_electrode_pulses`]), then call again.
     TryElectrode {
         /// From 0.

@@ -142,7 +142,7 @@ impl DriveBudget {
     /// Time in ms that a channel must wait before it may drive as planned without being stopped in between; `None` if it may now. `last` is
     /// what it drives before the plan begins. What is earned meanwhile is not counted.
     #[must_use]
-    pub fn required_wait_for_plan_ms(
+    pub fn required_wait_ms_for_burst_and_credit_of_plan(
         &self,
         channel: usize,
         last: PlannedDrive,

@@ -42,7 +42,7 @@ pub struct ElectrodePulses {
 const ONE_PPM: u64 = 1_000_000;
 
 /// By how much a rail falls over the counted pulses if each takes `share_per_pulse_ppm` of what is left, in millionths.
-const fn rail_fall_over_test_pulses_ppm(share_per_pulse_ppm: u64) -> u64 {
+const fn rail_fall_from_first_to_last_test_pulse_ppm(share_per_pulse_ppm: u64) -> u64 {
     let (mut left_ppm, mut pulse) = (ONE_PPM, 1);
     while pulse < TEST_PULSES {
         left_ppm = left_ppm * (ONE_PPM - share_per_pulse_ppm) / ONE_PPM;
@@ -73,7 +73,7 @@ const fn missing_electrode_rail_fall_threshold_ppm(picofarads: u32) -> u64 {
     );
     let charged_permille = least_electrode_charge_permille(TEST_PULSE_MICROSECONDS as u64 * 1_000) as u64;
     let share_ppm = electrode * charged_permille * 1_000 / (electrode + rail);
-    let charged_ppm = rail_fall_over_test_pulses_ppm(share_ppm);
+    let charged_ppm = rail_fall_from_first_to_last_test_pulse_ppm(share_ppm);
     assert!(
         charged_ppm >= MOST_BLEED_PPM + 2 * MEASUREMENT_PPM,
         "the test cannot detect an electrode with so small a capacitance"
@@ -88,7 +88,8 @@ const fn short_circuit_rail_fall_threshold_ppm(picofarads: u32) -> u64 {
         add_percent(picofarads as u64, TOLERANCE_PERCENT),
         subtract_percent(RAIL_PICOFARADS as u64, TOLERANCE_PERCENT),
     );
-    let charged_ppm = rail_fall_over_test_pulses_ppm(electrode * ONE_PPM / (electrode + rail)) + MOST_BLEED_PPM;
+    let charged_ppm =
+        rail_fall_from_first_to_last_test_pulse_ppm(electrode * ONE_PPM / (electrode + rail)) + MOST_BLEED_PPM;
     let ohms = add_percent((ELECTRODE_OHMS + LOWER_SWITCH_OHMS) as u64, RESISTANCE_TOLERANCE_PERCENT);
     let time_constant_us = ohms * (add_percent(RAIL_PICOFARADS as u64, TOLERANCE_PERCENT) + electrode) / 1_000_000;
     let drawn_ppm = least_decay_ppm(((TEST_PULSES - 1) * TEST_PULSE_MICROSECONDS) as u64, time_constant_us);

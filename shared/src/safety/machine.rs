@@ -19,7 +19,7 @@ impl LinkId {
 /// Whether a host that has been silent for `silence_us` has exceeded its dead-man time. Never more than [`DEADMAN_MAX_MS`] counts: a time that has
 /// become longer by itself, because a bit of the memory has changed, must not keep a board live.
 #[must_use]
-pub const fn is_silence_over_deadman(silence_us: u64, deadman_us: u64) -> bool {
+pub const fn is_silence_over_deadman_or_its_maximum(silence_us: u64, deadman_us: u64) -> bool {
     silence_us >= deadman_us || silence_us >= DEADMAN_MAX_MS as u64 * 1000
 }
 
@@ -127,7 +127,7 @@ impl SafetyMachine {
             None => Some(u64::MAX),
             Some(session) => {
                 let silence = now_us.saturating_sub(session.last_heard_us);
-                is_silence_over_deadman(silence, session.deadman_us).then_some(silence)
+                is_silence_over_deadman_or_its_maximum(silence, session.deadman_us).then_some(silence)
             }
         }
     }

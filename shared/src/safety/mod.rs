@@ -19,5 +19,5 @@ pub use charge::CreditCharge;
 pub use electrode_test::{
     ElectrodeFinding, ElectrodeFindings, ElectrodePulses, electrode_fault_detail, judge_electrode_pulses,
 };
-pub use machine::{LinkId, SafetyMachine, is_silence_over_deadman};
+pub use machine::{LinkId, SafetyMachine, is_silence_over_deadman_or_its_maximum};
 pub use table::{SafetyAction, SafetyEvent, SafetyState, Transition, look_up_transition};

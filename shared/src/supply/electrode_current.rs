@@ -101,7 +101,7 @@ impl RailHistory {
     const NONE: Self = Self { last: 0, changed: 0, highest: 0 };
 
     /// Takes note of the rail's voltage `elapsed_us` after the last one.
-    fn record_voltage(&mut self, millivolts: u32, elapsed_us: u64) {
+    fn update_fading_change_and_highest_voltage(&mut self, millivolts: u32, elapsed_us: u64) {
         const MEAN_US: i64 = ELECTRODE_MEAN_MICROSECONDS as i64;
         let elapsed_us = i64::try_from(elapsed_us).unwrap_or(MEAN_US);
         let now = i64::from(millivolts);
@@ -213,7 +213,7 @@ impl ElectrodeCurrentMonitor {
             // What is above that has been found by others.
             let millivolts = millivolts.min(OVER_VOLTAGE_MILLIVOLTS);
             let millivolt_us = u64::from(millivolts) * elapsed_us;
-            rail.record_voltage(millivolts, elapsed_us);
+            rail.update_fading_change_and_highest_voltage(millivolts, elapsed_us);
             // mV times us over ohm is nC; each rail has two bleeders.
             bleeders += millivolt_us * 2 * 1_000_000 / u64::from(BLEEDER_OHMS);
             leakage += millivolt_us * 1_000_000 / u64::from(LEAKAGE_OHMS);

@@ -79,7 +79,11 @@ impl RailControl {
 
     /// Moves the set-points towards their targets, and returns the command for the supply. Set-points rise by the slope and fall at once. A
     /// rail whose voltage is clearly above its set-point gets its discharge switch closed.
-    pub fn advance_set_points(&mut self, now_us: u64, readings: &SensorReadings) -> SupplyCommand {
+    pub fn ramp_up_or_drop_set_points_and_build_supply_command(
+        &mut self,
+        now_us: u64,
+        readings: &SensorReadings,
+    ) -> SupplyCommand {
         let elapsed_us = now_us.saturating_sub(self.last_us).min(LONGEST_STEP_US);
         self.last_us = now_us;
         let rise = u64::from(RAIL_SLOPE_MILLIVOLTS_PER_MS) * elapsed_us / 1000;

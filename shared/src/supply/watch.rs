@@ -50,7 +50,7 @@ impl SupplyMonitor {
 
     /// Whether a rail is, or was lately, not where it was set. What is measured of it then may be wrong.
     #[must_use]
-    pub fn is_any_rail_in_doubt(&self) -> bool {
+    pub fn is_any_rail_off_set_point_or_was_lately(&self) -> bool {
         self.implausible.iter().any(ConditionTime::is_met_or_not_yet_forgiven)
     }
 

@@ -64,7 +64,7 @@ impl ElectrodeCharges {
     const NONE: Self = Self { least_permille: 0, most_permille: 0 };
 
     /// Adds the windows of so many equal periods.
-    fn add_periods(&mut self, period: &TimerPeriod, count: u64, clocks_per_us: u64) {
+    fn add_least_and_most_charges_of_periods(&mut self, period: &TimerPeriod, count: u64, clocks_per_us: u64) {
         let count = u32::try_from(count).unwrap_or(u32::MAX);
         for window in [period.a, period.b].into_iter().filter(|window| window.off > window.on) {
             let clocks = u64::from(window.off - window.on) * u64::from(period.divider);
@@ -155,7 +155,7 @@ impl ChannelTrack {
     fn advance_boundary_by_periods_and_add_their_charges(&mut self, count: u64, clocks_per_us: u64) {
         self.boundary += count * self.active.length_clocks();
         if count > 0 {
-            self.charges.add_periods(&self.active, count, clocks_per_us);
+            self.charges.add_least_and_most_charges_of_periods(&self.active, count, clocks_per_us);
         }
     }
 
@@ -451,7 +451,7 @@ impl Sequencer {
     }
 
     /// What must be written to a channel's preload registers now, if anything. To be called for every channel at least every
-    /// ms, and again at [`Self::next_extra_poll_us_if_needed`].
+    /// ms, and again at [`Self::poll_us_after_next_boundary_if_playing_or_too_near`].
     pub fn advance_and_prepare_next_preload_if_changed(&mut self, channel: usize, now_us: u64) -> Option<TimerPreload> {
         let (now, clocks_per_us) = (self.clocks_since_start(now_us), self.clocks_per_us);
         let passed = self.latest_certainly_passed_clock(now);
@@ -486,7 +486,7 @@ impl Sequencer {
     /// channel that plays an envelope, so that none of its periods is missed, or of a channel whose boundary was too near. (Periods
     /// of 1 ms would otherwise be too near every time.)
     #[must_use]
-    pub fn next_extra_poll_us_if_needed(&self) -> Option<u64> {
+    pub fn poll_us_after_next_boundary_if_playing_or_too_near(&self) -> Option<u64> {
         // An envelope that begins only later is none yet.
         let plays = |track: &ChannelTrack| {
             let soon = track.next_boundary_clock() + track.active.length_clocks();

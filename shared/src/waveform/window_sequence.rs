@@ -125,7 +125,7 @@ pub struct PlacedWindows {
 
 /// The longest window in ticks that fits a 16-bit counter with what is longest around it and not a blank period of its own: half a
 /// guard and nearly a blank period before the first window of a channel, half a guard and half a blank period after it.
-const fn most_width_ticks(guard: u32) -> u32 {
+const fn widest_window_ticks_that_fit_16_bit_counter(guard: u32) -> u32 {
     TimerPeriod::MOST_TICKS.saturating_sub(guard.saturating_add(LEAST_BLANK_TICKS * 3 / 2 + 1))
 }
 
@@ -154,7 +154,7 @@ impl PlacedWindows {
             let half_guard = placed.half_guards.get_mut(usize::from(asked.channel)).ok_or(unknown)?;
             let guard = guard_ticks(limit);
             *half_guard = guard / 2;
-            let most = most_width_ticks(guard);
+            let most = widest_window_ticks_that_fit_16_bit_counter(guard);
             if !(LEAST_WIDTH_TICKS..=most).contains(&asked.width_ticks) {
                 return Err(SequenceError::Width {
                     window,

@@ -214,7 +214,7 @@ impl Board for FakeBoard {
         let trips = self.circuit.rails.map(|millivolts| millivolts > 25_000.0 && !self.dead_over_voltage);
         if trips == charged { Ok(()) } else { Err((FaultCode::SelfTest, 3_000)) }
     }
-    fn pulse_electrode_and_measure_rail_mv(
+    fn pulse_electrode_and_get_rail_mv_after_first_and_last(
         &mut self,
         channel: usize,
         electrode: Electrode,
@@ -306,7 +306,7 @@ impl Bench {
             ports: LinkReceiver::new_for_each_link(),
             sequence: 0,
         };
-        bench.device.complete_boot_to_discharging_or_fault(&mut bench.board);
+        bench.device.restore_credit_and_complete_boot_to_discharging_or_fault(&mut bench.board);
         // Rails are seen to be discharged.
         bench.wait_ms(2);
         bench

@@ -146,7 +146,7 @@ fn compute_and_time_responses_and_bounds(case: &ToleranceCase) -> Result<CaseOut
     let elapsed_s = started.elapsed().as_secs_f64();
     // Before anything else is allocated.
     let peak_bytes = read_peak_memory_bytes()?;
-    let reduced = found.model.reduce_with_residual_shapes_of_actuators_and_points(case.max_hz, &[POINT_M])?;
+    let reduced = found.model.reduce_with_residual_shapes_of_actuators_damping_and_points(case.max_hz, &[POINT_M])?;
     Ok(CaseOutcome {
         elapsed_s,
         peak_bytes,
@@ -166,7 +166,7 @@ fn time_mesh_modes_and_sweep(case: &MeshCase) -> Result<CaseOutcome, Error> {
     let started = Instant::now();
     let model = PanelModel::build_with_fineness(&scene, fineness)?;
     let mesh_s = started.elapsed().as_secs_f64();
-    let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(case.max_hz, &[])?;
+    let reduced = model.reduce_with_residual_shapes_of_actuators_damping_and_points(case.max_hz, &[])?;
     let modes_s = started.elapsed().as_secs_f64() - mesh_s;
     let begun = Instant::now();
     let solver = CoordinateSolver::new(&reduced);

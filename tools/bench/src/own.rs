@@ -55,13 +55,13 @@ pub fn measure_solution_on_one_mesh<T: Arithmetic + Into<f64>>(
     let solve_once = || -> Result<_, Error> {
         let ((model, reduced), set_up_s) = run_and_time_s(|| -> Result<_, Error> {
             let model = PanelModel::build(&problem.scene, accuracy, MAX_HZ)?;
-            let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(MAX_HZ, &[])?;
+            let reduced = model.reduce_with_residual_shapes_of_actuators_damping_and_points(MAX_HZ, &[])?;
             Ok((model, reduced))
         })?;
         let ((operations, sweep), sweep_s) = run_and_time_s(|| -> Result<_, Error> {
             let shapes = SurfaceShapes::<T>::new(&problem.scene, &reduced, &problem.x_m, &problem.y_m);
             Ok((
-                shapes.count_operations_per_frequency_and_actuator(),
+                shapes.count_multiplications_and_additions_per_frequency_and_actuator(),
                 shapes.compute_accelerations_per_newton_at_all_points(&problem.frequencies_hz)?,
             ))
         })?;
@@ -120,7 +120,7 @@ pub fn measure_solution_with_bound(
     times.push(last_s);
     let bounds = found.bounds.iter().map(|bound| bound.limit_if_known().unwrap_or(f64::NAN));
     let bound = bounds.reduce(|a, b| if a > b || a.is_nan() { a } else { b }).unwrap_or(f64::NAN);
-    let reduced = found.model.reduce_with_residual_shapes_of_actuators_and_points(MAX_HZ, &[])?;
+    let reduced = found.model.reduce_with_residual_shapes_of_actuators_damping_and_points(MAX_HZ, &[])?;
     Ok(EraMeasurement {
         name: format!("era to {:.0e}, f32, bound {bound:.0e}", accuracy.relative_tolerance_or_tightest()),
         unknowns: found.model.count_unknowns(),

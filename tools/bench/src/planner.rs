@@ -208,8 +208,8 @@ pub fn search_best_allocation(table: &PlanTable, target: Target, work: SearchEff
     let request = Request { work, ..Request::for_touch(&[target]) };
     let formulation = Formulation::new(table, &request);
     let wanted = target.intensity_g.unwrap_or(0.0) * STANDARD_GRAVITY;
-    let found = formulation.find_best_combination_replacing_estimated_energies(
-        formulation.shortlist_candidates_for_one_target(wanted, &|_, _| true),
+    let found = formulation.find_best_combination_replacing_estimated_energies_at_most_once(
+        formulation.shortlist_for_one_target_estimating_energies_if_wish_unmet(wanted, &|_, _| true),
         &|_, _| true,
     );
     found.map(|(_, found)| found.allocation).ok_or_else(make_no_frequencies_error)

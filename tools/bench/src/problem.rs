@@ -146,7 +146,7 @@ pub fn compute_acceleration_curves_on_mesh(
 ) -> Result<AccelerationCurves, Error> {
     let residual = if places.len() <= FEW { places } else { &[] };
     let reduced = PanelModel::build_with_fineness(scene, fineness)?
-        .reduce_with_residual_shapes_of_actuators_and_points(MAX_HZ, residual)?;
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(MAX_HZ, residual)?;
     let (n, loads, count) = (reduced.count_coordinates(), reduced.count_actuators(), frequencies_hz.len());
     let mut shapes = DMatrix::zeros(n, places.len());
     for (mut column, (x, y)) in shapes.column_iter_mut().zip(places) {

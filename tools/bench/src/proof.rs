@@ -98,7 +98,7 @@ pub fn build_table_of_error_bound_cost(environment: &Environment, problem: &Prob
 }
 
 fn compute_acceleration_sweep(problem: &Problem, model: &PanelModel) -> Result<AccelerationSweep<f32>, Error> {
-    let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(MAX_HZ, &[])?;
+    let reduced = model.reduce_with_residual_shapes_of_actuators_damping_and_points(MAX_HZ, &[])?;
     let shapes = SurfaceShapes::<f32>::new(&problem.scene, &reduced, &problem.x_m, &problem.y_m);
     Ok(shapes.compute_accelerations_per_newton_at_all_points(&problem.frequencies_hz)?)
 }
@@ -264,7 +264,7 @@ fn add_bounds_and_errors_of_responses(
         BAND_HZ,
         true,
         |model| {
-            let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(BAND_HZ, &[point_m])?;
+            let reduced = model.reduce_with_residual_shapes_of_actuators_damping_and_points(BAND_HZ, &[point_m])?;
             Ok(compute_acceleration_curves_per_newton(
                 &reduced,
                 &reduced.shape_deflections_at(point_m.0, point_m.1),

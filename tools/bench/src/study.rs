@@ -90,7 +90,7 @@ fn find_weakest_places_and_time_per_design_s(
 /// A design by itself: its own elements, every frequency, every point, each searched exactly. Its weakest place in g.
 fn find_weakest_peak_thoroughly_g(scene: &Scene, options: TableOptions) -> Result<f64, Error> {
     let model = PanelModel::build(scene, Accuracy::BALANCED, options.to_hz)?
-        .reduce_with_residual_shapes_of_actuators_and_points(options.to_hz, &[])?;
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(options.to_hz, &[])?;
     let table = PlanTable::build(scene, model, options)?;
     Ok(weakest::weakest_place_with_setting_per_place_if_frequencies_usable(&table, Measure::G)
         .ok_or(PlanError::NoFrequencies)?

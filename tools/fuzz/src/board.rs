@@ -240,7 +240,7 @@ impl Board for WatchedBoard {
         if trips == charged { Ok(()) } else { Err((FaultCode::SelfTest, 3_001)) }
     }
 
-    fn pulse_electrode_and_measure_rail_mv(
+    fn pulse_electrode_and_get_rail_mv_after_first_and_last(
         &mut self,
         channel: usize,
         _electrode: Electrode,

@@ -63,7 +63,7 @@ impl Bench {
             heard_at_us: 0,
             deadman_ms: DEADMAN_MAX_MS,
         };
-        bench.device.complete_boot_to_discharging_or_fault(&mut bench.board);
+        bench.device.restore_credit_and_complete_boot_to_discharging_or_fault(&mut bench.board);
         assert!(bench.board.is_off(), "off at the start");
         bench
     }

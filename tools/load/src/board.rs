@@ -170,7 +170,7 @@ pub fn build_plan_table_of_starting_plate() -> Result<PlanTable, Error> {
     let options = TableOptions::default();
     let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz)
         .map_err(|error| wrong(&error))?
-        .reduce_with_residual_shapes_of_actuators_and_points(options.to_hz, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(options.to_hz, &[])
         .map_err(|error| wrong(&error))?;
     PlanTable::build(&scene, model, options).map_err(|error| wrong(&error))
 }

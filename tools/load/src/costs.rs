@@ -45,7 +45,7 @@ struct CaseMeasurement {
 ///
 /// # Errors
 /// [`Error::Missed`] if a stop took too long.
-pub fn measure_route_costs(options: &Options) -> Result<(), Error> {
+pub fn measure_and_print_route_costs_failing_if_a_stop_is_late(options: &Options) -> Result<(), Error> {
     let folder = tempfile::tempdir().map_err(Error::system_error("no folder"))?;
     let plan = DaemonSetup {
         program: options.program.clone(),
@@ -76,7 +76,7 @@ pub fn measure_route_costs(options: &Options) -> Result<(), Error> {
             case.bound,
             measured.statuses,
             measured.stops.describe_median_p99_and_longest(),
-            read_peak_memory_mb(&daemon)
+            read_peak_memory_or_zero_mb(&daemon)
         );
         if measured.stops.longest_counting_missing_as_infinite_ms().is_none_or(|longest| longest > LONGEST_STOP_MS) {
             missed.push(case.route);
@@ -93,7 +93,7 @@ fn measure_case_and_stops_meanwhile(daemon: &Daemon, case: &Case, time: Duration
     let mut stops = Times::default();
     let asked = std::thread::scope(|threads| {
         let asking: Vec<_> = (0..CONNECTIONS)
-            .map(|_| threads.spawn(|| measure_answer_times_and_statuses(daemon, case, until)))
+            .map(|_| threads.spawn(|| measure_answer_times_and_statuses_0_if_hung_up(daemon, case, until)))
             .collect();
         let mut http = Http::new(Endpoint::Tcp(daemon.address));
         while Instant::now() < until {
@@ -120,7 +120,7 @@ fn measure_case_and_stops_meanwhile(daemon: &Daemon, case: &Case, time: Duration
 }
 
 /// Times of answers, and their statuses; 0 where nobody waited for one.
-fn measure_answer_times_and_statuses(
+fn measure_answer_times_and_statuses_0_if_hung_up(
     daemon: &Daemon,
     case: &Case,
     until: Instant,
@@ -140,7 +140,10 @@ fn measure_answer_times_and_statuses(
             (Sending::Live, Some(live)) => {
                 live.send_text(body)?;
                 // What is told meanwhile is read, so that the socket is not let go.
-                while live.read_one_json_message_if_any_until(Instant::now() + Duration::from_micros(100))?.is_some() {}
+                while live
+                    .read_next_json_message_until_none_if_late_or_not_text(Instant::now() + Duration::from_micros(100))?
+                    .is_some()
+                {}
                 statuses.push(101);
             }
             (Sending::HangUp, _) => {
@@ -164,7 +167,7 @@ fn measure_answer_times_and_statuses(
 }
 
 /// Most memory that the daemon has had so far, in MB.
-fn read_peak_memory_mb(daemon: &Daemon) -> u64 {
+fn read_peak_memory_or_zero_mb(daemon: &Daemon) -> u64 {
     let status = std::fs::read_to_string(format!("/proc/{}/status", daemon.process_id())).unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
     line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok()).unwrap_or(0) / 1000

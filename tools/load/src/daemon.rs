@@ -144,8 +144,8 @@ impl Daemon {
 
     /// What it takes now.
     #[must_use]
-    pub fn read_memory_threads_and_handles(&self) -> MemoryThreadsAndHandles {
-        read_process_memory_threads_and_handles(self.process_id())
+    pub fn read_memory_threads_and_handles_or_zeros(&self) -> MemoryThreadsAndHandles {
+        read_process_memory_threads_and_handles_or_zeros(self.process_id())
     }
 
     /// Waits until it has its device.
@@ -178,7 +178,7 @@ fn parse_address_if_ready_log_line(line: &str) -> Option<SocketAddr> {
     rest.split([',', ' ']).next()?.parse().ok()
 }
 
-fn read_process_memory_threads_and_handles(process_id: u32) -> MemoryThreadsAndHandles {
+fn read_process_memory_threads_and_handles_or_zeros(process_id: u32) -> MemoryThreadsAndHandles {
     let status = std::fs::read_to_string(format!("/proc/{process_id}/status")).unwrap_or_default();
     let number = |name: &str| {
         let line = status.lines().find_map(|line| line.strip_prefix(name));
@@ -213,14 +213,14 @@ mod tests {
                 shell.args(["-c", script]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
                 let mut shell = shell.spawn().unwrap();
                 shell.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
-                let found = read_process_memory_threads_and_handles(shell.id());
+                let found = read_process_memory_threads_and_handles_or_zeros(shell.id());
                 shell.kill().unwrap();
                 shell.wait().unwrap();
                 found
             });
         assert_eq!((found.threads, found.handles), (1, plain.handles + 3));
         assert!((100..100_000).contains(&found.memory_kb), "{found:?}");
-        let own = read_process_memory_threads_and_handles(std::process::id());
+        let own = read_process_memory_threads_and_handles_or_zeros(std::process::id());
         assert!(own.threads > 1 && own.memory_kb > found.memory_kb, "{own:?}");
     }
 

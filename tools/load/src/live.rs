@@ -64,7 +64,10 @@ impl Live {
     ///
     /// # Errors
     /// What went wrong, for people.
-    pub fn read_one_json_message_if_any_until(&mut self, until: Instant) -> Result<Option<Value>, String> {
+    pub fn read_next_json_message_until_none_if_late_or_not_text(
+        &mut self,
+        until: Instant,
+    ) -> Result<Option<Value>, String> {
         use std::io::ErrorKind::{TimedOut, WouldBlock};
         let left = until.saturating_duration_since(Instant::now());
         // None at all would mean no end.

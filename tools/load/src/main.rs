@@ -46,9 +46,9 @@ fn parse_number_within_0_001_to_100000(text: &str) -> Result<f64, String> {
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Soak(options) => soak::run_soak(&options),
-        Command::Daemon(options) => pace::measure_touch_latency(&options),
-        Command::Costs(options) => costs::measure_route_costs(&options),
-        Command::Slider(options) => slider::measure_slider_latency(&options),
+        Command::Daemon(options) => pace::measure_and_print_touch_latency_failing_if_aim_is_missed(&options),
+        Command::Costs(options) => costs::measure_and_print_route_costs_failing_if_a_stop_is_late(&options),
+        Command::Slider(options) => slider::measure_and_print_slider_latency_failing_if_aim_is_missed(&options),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

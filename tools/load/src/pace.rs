@@ -29,7 +29,7 @@ const FEWEST: f64 = 300.0;
 /// Touches a second up to which the echo has its load at the same time, half way between two touches, so that both meet the same
 /// disturbances of the machine; of more the daemon's load would be another one.
 const BESIDE: f64 = 10.0;
-/// How often a load is put on at most where the machine was disturbed ([`LoadRow::describe_machine_disturbance_if_echo_was_slow`]). The last try counts, disturbed or not.
+/// How often a load is put on at most where the machine was disturbed ([`LoadRow::describe_machine_disturbance_if_simultaneous_echo_was_slow`]). The last try counts, disturbed or not.
 const TRIES: usize = 3;
 /// Stops under each load, ...
 const STOPS: u32 = 10;
@@ -160,7 +160,7 @@ struct Measurement {
 ///
 /// # Errors
 /// [`Error::Missed`] if the daemon does not do what is asked of it, and what keeps that from being measured.
-pub fn measure_touch_latency(options: &Options) -> Result<(), Error> {
+pub fn measure_and_print_touch_latency_failing_if_aim_is_missed(options: &Options) -> Result<(), Error> {
     let folder = tempfile::tempdir().map_err(Error::system_error("no folder for sockets"))?;
     let link = folder.path().join("board");
     let bench = Bench::new_linked_directly_to_board(link.clone())?;
@@ -198,7 +198,7 @@ pub fn measure_touch_latency(options: &Options) -> Result<(), Error> {
     let mut rows = Vec::new();
     for transport in Transport::ALL {
         for rate in &options.rates {
-            rows.push(repeat_disturbed_measurement_and_keep_last_try(|| {
+            rows.push(repeat_disturbed_measurement_keeping_last_try_and_all_stops(|| {
                 measurement.measure_and_print_touches_echo_and_stops_at_rate(
                     transport,
                     *rate,
@@ -251,7 +251,7 @@ impl Measurement {
     }
 
     /// A load, and the same on the echo: beside it where touches are seldom, before it where they are not.
-    fn measure_touches_and_echo(
+    fn measure_touches_and_echo_simultaneously_if_rate_is_low(
         &self,
         transport: Transport,
         rate: f64,
@@ -282,7 +282,7 @@ impl Measurement {
         let most = (rate * seconds).ceil() as usize * FRAMES_PER_TOUCH;
         self.control.start_recording_newest_drive_frames(most);
         let (begun, worked_s) = (Instant::now(), self.daemon.processor_time_s());
-        let (touches, echo) = self.measure_touches_and_echo(transport, rate, seconds)?;
+        let (touches, echo) = self.measure_touches_and_echo_simultaneously_if_rate_is_low(transport, rate, seconds)?;
         let worked_s = worked_s.zip(self.daemon.processor_time_s()).map(|(before, after)| after - before);
         let worked = worked_s.map(|worked_s| worked_s / begun.elapsed().as_secs_f64());
         let measured = TouchStatistics::from_touches(&touches, &self.control.stop_recording_and_take_recorded_frames())
@@ -310,7 +310,7 @@ impl Measurement {
         );
         let busy = worked.map(|worked| format!("the daemon used {:.1} % of a processor", worked * 1e2));
         for what in measured
-            .describe_refused_touches_and_those_without_frame()
+            .describe_counts_of_refused_touches_and_those_without_frame()
             .into_iter()
             .chain(busy)
             .chain(measured.list_slowest_touches_over_limit(LATE_MS))
@@ -332,7 +332,7 @@ impl Measurement {
             let measured =
                 TouchStatistics::from_touches(&touches, &self.control.stop_recording_and_take_recorded_frames())
                     .map_err(Error::Answer)?;
-            for what in measured.describe_refused_touches_and_those_without_frame() {
+            for what in measured.describe_counts_of_refused_touches_and_those_without_frame() {
                 println!("  {what}");
             }
             times.merge(measured.frame);
@@ -379,11 +379,11 @@ impl Measurement {
 }
 
 /// A row from a time in which the machine did nothing else, if there is one; each try is printed, and stops count of all of them.
-fn repeat_disturbed_measurement_and_keep_last_try(
+fn repeat_disturbed_measurement_keeping_last_try_and_all_stops(
     mut measure: impl FnMut() -> Result<LoadRow, Error>,
 ) -> Result<LoadRow, Error> {
     let mut row = measure()?;
-    while let Some(why) = row.describe_machine_disturbance_if_echo_was_slow() {
+    while let Some(why) = row.describe_machine_disturbance_if_simultaneous_echo_was_slow() {
         println!("  {why}");
         if row.tries >= TRIES || !row.was_every_touch_driven_or_overtaken() {
             break;

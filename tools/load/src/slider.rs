@@ -49,7 +49,7 @@ pub struct Options {
 ///
 /// # Errors
 /// [`Error::Missed`] if a detent of up to 20 a second is not played, is not felt, or takes too long.
-pub fn measure_slider_latency(options: &Options) -> Result<(), Error> {
+pub fn measure_and_print_slider_latency_failing_if_aim_is_missed(options: &Options) -> Result<(), Error> {
     let folder = tempfile::tempdir().map_err(Error::system_error("no folder for sockets"))?;
     let link = folder.path().join("board");
     let bench = Bench::new_linked_directly_to_board(link.clone())?;

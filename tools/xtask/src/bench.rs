@@ -27,12 +27,12 @@ pub struct Options {
 ///
 /// # Errors
 /// [`Error::Start`], [`Error::Failed`].
-pub fn run_benchmark(options: &Options) -> Result<(), Error> {
+pub fn build_and_run_chosen_benchmark(options: &Options) -> Result<(), Error> {
     if options.arguments.first().is_some_and(|what| what == "start") {
-        return crate::start::measure_daemon_starts(&options.arguments);
+        return crate::start::build_daemon_and_measure_first_plan_times_cold_and_warm(&options.arguments);
     }
     if options.arguments.first().is_some_and(|what| ["daemon", "costs", "slider"].iter().any(|own| what == own)) {
-        return crate::load::build_and_run_load_program(&options.arguments);
+        return crate::load::build_daemon_and_load_program_and_run_load(&options.arguments);
     }
     if let [what, option, revision] = options.arguments.as_slice()
         && what == "planner"

@@ -27,7 +27,7 @@ pub struct TestOptions {
 ///
 /// # Errors
 /// [`Error::Missing`] before anything is run, or the first step that failed.
-pub fn run_tests(options: &TestOptions) -> Result<(), Error> {
+pub fn install_missing_needs_and_run_tests(options: &TestOptions) -> Result<(), Error> {
     setup::install_missing_needs("cargo xtask test", setup::TEST)?;
     if options.board { run_waveform_emulated_board_and_mutation_steps() } else { run_test_steps() }
 }
@@ -83,7 +83,9 @@ impl CommandBeside {
 
 fn run_test_steps() -> Result<(), Error> {
     let root = repository_root()?;
-    run_step("firmware image", || firmware::build_image_and_report(&firmware::Options::default()))?;
+    run_step("firmware image", || {
+        firmware::build_image_and_print_path_or_memory_usage_and_budget(&firmware::Options::default())
+    })?;
     run_step("emulator", || {
         run_command(Command::new("python3").arg("tools/emulator/launch.py").arg("--setup-only").current_dir(&root))
     })?;
@@ -94,7 +96,7 @@ fn run_test_steps() -> Result<(), Error> {
     run_step("board, beside that build", || board.await_end_and_show_output())?;
     built?;
     run_step("tests", || run_command(cargo_command(&root).args(tests)))?;
-    run_step("Python package", python::build_and_install_wheel_and_run_python_tests)?;
+    run_step("Python package", python::build_and_install_wheel_and_run_python_tests_and_type_checks)?;
     run_step("advisories", dependencies::check_advisories_if_database_present)?;
     run_step("independent reference: its own tests", crosscheck::run_own_tests_of_python_reference)?;
     run_step("independent reference: random scenes", crosscheck::compare_random_scenes_with_python_reference)?;
@@ -104,11 +106,11 @@ fn run_test_steps() -> Result<(), Error> {
     )
 }
 
-/// Formatting, lints, documentation and dependencies of both workspaces, then [`run_tests()`].
+/// Formatting, lints, documentation and dependencies of both workspaces, then [`install_missing_needs_and_run_tests()`].
 ///
 /// # Errors
-/// As [`run_tests()`].
-pub fn run_ci_checks() -> Result<(), Error> {
+/// As [`install_missing_needs_and_run_tests()`].
+pub fn install_missing_needs_and_run_ci_checks() -> Result<(), Error> {
     setup::install_missing_needs("cargo xtask ci", setup::CI)?;
     let root = repository_root()?;
     let firmware = root.join("firmware");
@@ -139,7 +141,7 @@ pub fn run_ci_checks() -> Result<(), Error> {
                 .env("RUSTDOCFLAGS", "-D warnings"),
         )
     })?;
-    run_step("dependencies", dependencies::check_licences_bans_and_sources)?;
+    run_step("dependencies", dependencies::ensure_cargo_deny_and_check_licences_bans_and_sources)?;
     let planted = ["test", "--release", "-p", "xtask", "--test", "advisories", "--", "--ignored"];
     run_step("advisories: planted ones are found", || run_command(cargo_command(&root).args(planted)))?;
     run_test_steps()?;

@@ -55,7 +55,7 @@ pub struct Options {
 ///
 /// # Errors
 /// [`Error::Missing`], [`Error::Python`], [`Error::Start`], [`Error::Failed`] where something differs.
-pub fn run_crosscheck(options: &Options) -> Result<(), Error> {
+pub fn install_needs_build_program_and_run_crosscheck(options: &Options) -> Result<(), Error> {
     setup::install_missing_needs("cargo xtask crosscheck", setup::CROSSCHECK)?;
     let image = if options.emulated { Some(image::build_image_and_return_target_source(false)?.0) } else { None };
     let numbers =
@@ -81,7 +81,7 @@ pub fn run_crosscheck(options: &Options) -> Result<(), Error> {
 /// The reference's own tests, for `cargo xtask test`.
 ///
 /// # Errors
-/// As [`run_crosscheck`].
+/// As [`install_needs_build_program_and_run_crosscheck`].
 pub fn run_own_tests_of_python_reference() -> Result<(), Error> {
     run_command(ensure_environment_and_get_reference_python_command()?.args(OWN_TESTS))
 }
@@ -89,7 +89,7 @@ pub fn run_own_tests_of_python_reference() -> Result<(), Error> {
 /// The first random scenes, all comparisons, for `cargo xtask test`: with the program that its tests have built.
 ///
 /// # Errors
-/// As [`run_crosscheck`].
+/// As [`install_needs_build_program_and_run_crosscheck`].
 pub fn compare_random_scenes_with_python_reference() -> Result<(), Error> {
     run_scene_comparison(&["--scenes".to_owned(), SCENES_AMONG_TESTS.to_string()])
 }
@@ -97,7 +97,7 @@ pub fn compare_random_scenes_with_python_reference() -> Result<(), Error> {
 /// Clicks on the example plate from the edges at the pins of the firmware image, for `cargo xtask test`: with the program that its tests have built.
 ///
 /// # Errors
-/// As [`run_crosscheck`].
+/// As [`install_needs_build_program_and_run_crosscheck`].
 pub fn compare_emulated_board_clicks_with_python_reference() -> Result<(), Error> {
     let image = image::build_image_and_return_target_source(false)?.0;
     let clicks = CLICKS_AMONG_TESTS.to_string();

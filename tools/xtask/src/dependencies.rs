@@ -32,10 +32,10 @@ pub struct Options {
 ///
 /// # Errors
 /// [`Error::NoAdvisories`] if there is none, [`Error::Failed`] if a crate is in it.
-pub fn check_advisories(options: &Options) -> Result<(), Error> {
+pub fn check_advisories_in_given_or_local_database(options: &Options) -> Result<(), Error> {
     let root = repository_root()?;
     match options.db.clone().or_else(|| find_advisory_database(&root)) {
-        Some(database) => check_advisories_in_database(&root, &database),
+        Some(database) => fetch_crates_and_check_advisories_in_database(&root, &database),
         None => Err(Error::NoAdvisories(explain_missing_advisory_database())),
     }
 }
@@ -43,11 +43,11 @@ pub fn check_advisories(options: &Options) -> Result<(), Error> {
 /// The same where a database is at hand; otherwise says what is not checked.
 ///
 /// # Errors
-/// As [`check_advisories`], but for a database that is not there.
+/// As [`check_advisories_in_given_or_local_database`], but for a database that is not there.
 pub fn check_advisories_if_database_present() -> Result<(), Error> {
     let root = repository_root()?;
     if let Some(database) = find_advisory_database(&root) {
-        return check_advisories_in_database(&root, &database);
+        return fetch_crates_and_check_advisories_in_database(&root, &database);
     }
     println!("{}", explain_missing_advisory_database());
     Ok(())
@@ -57,7 +57,7 @@ pub fn check_advisories_if_database_present() -> Result<(), Error> {
 ///
 /// # Errors
 /// [`Error::Failed`] with the first that is not as `deny.toml` wants it.
-pub fn check_licences_bans_and_sources() -> Result<(), Error> {
+pub fn ensure_cargo_deny_and_check_licences_bans_and_sources() -> Result<(), Error> {
     let root = repository_root()?;
     install_crate_if_probe_command_fails(&root, "cargo-deny", &["cargo", "deny", "--version"])?;
     for folder in list_workspace_folders(&root) {
@@ -79,7 +79,7 @@ fn find_advisory_database(root: &Path) -> Option<PathBuf> {
     named.or_else(|| Some(root.join(DATABASE)).filter(|path| path.exists()))
 }
 
-fn check_advisories_in_database(root: &Path, database: &Path) -> Result<(), Error> {
+fn fetch_crates_and_check_advisories_in_database(root: &Path, database: &Path) -> Result<(), Error> {
     let database = database.canonicalize().map_err(file_error("cannot find", database))?;
     let crates = database.join("crates");
     std::fs::read_dir(&crates).map_err(file_error("no database of advisories: cannot read", &crates))?;
@@ -88,7 +88,7 @@ fn check_advisories_in_database(root: &Path, database: &Path) -> Result<(), Erro
         capture_output(Command::new("git").arg("-C").arg(&database).args(["show", "-s", "--format=%cs", "HEAD"]))?;
     println!("advisories as of {date}, from {}", database.display());
     install_crate_if_probe_command_fails(root, "cargo-deny", &["cargo", "deny", "--version"])?;
-    let config = write_deny_config(root, &database)?;
+    let config = link_database_and_write_deny_config(root, &database)?;
     for folder in list_workspace_folders(root) {
         // cargo-deny asks cargo for crates of all platforms, which no build has got.
         run_command(Command::new("cargo").current_dir(&folder).args(["fetch", "--locked", "--quiet"]))?;
@@ -98,7 +98,7 @@ fn check_advisories_in_database(root: &Path, database: &Path) -> Result<(), Erro
 }
 
 /// Makes cargo-deny take a database for the clone that it would have fetched, and gives the configuration that says so.
-fn write_deny_config(root: &Path, database: &Path) -> Result<PathBuf, Error> {
+fn link_database_and_write_deny_config(root: &Path, database: &Path) -> Result<PathBuf, Error> {
     let folder = root.join("target/advisories");
     std::fs::create_dir_all(&folder).map_err(file_error("cannot make", &folder))?;
     let link = folder.join(CLONE);

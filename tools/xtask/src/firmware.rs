@@ -30,7 +30,7 @@ pub struct Options {
 ///
 /// # Errors
 /// What went wrong in getting the target, building, or reading the image.
-pub fn build_image_and_report(options: &Options) -> Result<(), Error> {
+pub fn build_image_and_print_path_or_memory_usage_and_budget(options: &Options) -> Result<(), Error> {
     let (image, way) = build_image_and_return_target_source(options.build_std)?;
     if options.print_path {
         println!("{}", image.display());
@@ -51,11 +51,15 @@ pub fn build_image_and_report(options: &Options) -> Result<(), Error> {
         compute_percent(usage.ram, usage.ram_total)
     );
     println!("image   {}", image.display());
-    if options.budget { print_and_check_memory_against_budget(&image, &usage, options.chains) } else { Ok(()) }
+    if options.budget {
+        check_isb_and_print_and_check_memory_and_stack_against_budget(&image, &usage, options.chains)
+    } else {
+        Ok(())
+    }
 }
 
 /// Prints the image's use of the chip against its budget.
-fn print_and_check_memory_against_budget(
+fn check_isb_and_print_and_check_memory_and_stack_against_budget(
     image: &Path,
     usage: &elf::MemoryUsage,
     shows_chains: bool,
@@ -81,7 +85,11 @@ fn print_and_check_memory_against_budget(
     }
     let stack: u32 = levels.iter().map(|level| level.bytes).sum();
     if has_python_with_venv() {
-        let seen = stack::measure_most_stack_bytes_in_use(image, &program, &budget.stack.priorities)?;
+        let seen = stack::check_interrupt_priorities_and_measure_most_stack_bytes_in_use(
+            image,
+            &program,
+            &budget.stack.priorities,
+        )?;
         println!("stack, seen in use on the emulated board: {seen} bytes");
         if seen > stack {
             return Err(unbounded(stack::StackError::BeyondBound { seen, bound: stack }));

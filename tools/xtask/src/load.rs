@@ -31,14 +31,14 @@ pub fn run_soak(options: &Options) -> Result<(), Error> {
     let mut arguments: Vec<OsString> =
         ["soak", "--minutes", &minutes, "--seed", &seed].into_iter().map(Into::into).collect();
     arguments.extend(options.faults.then(|| "--faults".into()));
-    build_and_run_load_program(&arguments)
+    build_daemon_and_load_program_and_run_load(&arguments)
 }
 
 /// Builds both programs and runs the load.
 ///
 /// # Errors
 /// As [`run_soak`].
-pub fn build_and_run_load_program(arguments: &[OsString]) -> Result<(), Error> {
+pub fn build_daemon_and_load_program_and_run_load(arguments: &[OsString]) -> Result<(), Error> {
     let root = repository_root()?;
     build_release_programs_by_package_and_binary_name(&root, &[("era-host", "era"), ("era-load", "era-load")])?;
     run_command(Command::new(root.join("target/release/era-load")).current_dir(&root).args(arguments))

@@ -77,21 +77,21 @@ enum Command {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
-        Command::Test(options) => check::run_tests(&options),
-        Command::Ci => check::run_ci_checks(),
-        Command::Firmware(options) => firmware::build_image_and_report(&options),
-        Command::Bench(options) => bench::run_benchmark(&options),
+        Command::Test(options) => check::install_missing_needs_and_run_tests(&options),
+        Command::Ci => check::install_missing_needs_and_run_ci_checks(),
+        Command::Firmware(options) => firmware::build_image_and_print_path_or_memory_usage_and_budget(&options),
+        Command::Bench(options) => bench::build_and_run_chosen_benchmark(&options),
         Command::Soak(options) => load::run_soak(&options),
         Command::Fuzz(options) => fuzz::run_fuzzing(&options),
         Command::Waveforms(options) => waveforms::check_waveforms(&options),
         Command::Mutate(options) => mutate::run_mutation_tests(&options),
-        Command::Crosscheck(options) => crosscheck::run_crosscheck(&options),
-        Command::Python => python::check_python_package(),
-        Command::Dist(options) => dist::make_release(&options),
+        Command::Crosscheck(options) => crosscheck::install_needs_build_program_and_run_crosscheck(&options),
+        Command::Python => python::install_needs_build_program_and_check_python_package(),
+        Command::Dist(options) => dist::build_release_and_try_package_in_chroot_unless_disabled(&options),
         Command::House => house::survey_crates_failing_on_import_cycles_or_folder_order(),
-        Command::Advisories(options) => dependencies::check_advisories(&options),
-        Command::Miri => miri::run_miri(),
-        Command::Emulate(options) => emulate::run_emulator(&options),
+        Command::Advisories(options) => dependencies::check_advisories_in_given_or_local_database(&options),
+        Command::Miri => miri::run_all_miri_tests_failing_if_not_installed(),
+        Command::Emulate(options) => emulate::build_image_and_run_emulator_or_board_report(&options),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -20,8 +20,8 @@ const SHORT: [&[&str]; 2] = [
 ///
 /// # Errors
 /// [`Error::NoMiri`] if there is none, and what the tests end with.
-pub fn run_miri() -> Result<(), Error> {
-    if is_miri_installed() { run_miri_tests(&[]) } else { Err(Error::NoMiri(HINT)) }
+pub fn run_all_miri_tests_failing_if_not_installed() -> Result<(), Error> {
+    if are_miri_and_rust_src_installed() { run_miri_tests(&[]) } else { Err(Error::NoMiri(HINT)) }
 }
 
 /// Runs a few tests, or says that there is no Miri and goes on.
@@ -29,7 +29,7 @@ pub fn run_miri() -> Result<(), Error> {
 /// # Errors
 /// What the tests end with.
 pub fn run_short_miri_tests_if_installed() -> Result<(), Error> {
-    if is_miri_installed() {
+    if are_miri_and_rust_src_installed() {
         return SHORT.into_iter().try_for_each(run_miri_tests);
     }
     println!("skipped: miri (not installed; {HINT})");
@@ -52,7 +52,7 @@ fn run_miri_tests(test_arguments: &[&str]) -> Result<(), Error> {
 }
 
 /// Whether both components are there: without the sources, Miri would fetch them.
-fn is_miri_installed() -> bool {
+fn are_miri_and_rust_src_installed() -> bool {
     let sysroot = Command::new("rustc").args(["+nightly", "--print", "sysroot"]).stderr(Stdio::null()).output();
     let sources = sysroot.is_ok_and(|output| {
         let sysroot = String::from_utf8_lossy(&output.stdout).trim().to_owned();

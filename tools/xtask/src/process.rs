@@ -8,7 +8,7 @@ use std::process::{Command, Output, Stdio};
 /// # Errors
 /// [`Error::Start`] or [`Error::Failed`].
 pub fn run_command(command: &mut Command) -> Result<(), Error> {
-    remove_variables_of_cargo_run(command);
+    remove_cargo_pkg_and_manifest_variables(command);
     let status = command.status().map_err(|source| Error::Start { command: format_command(command), source })?;
     if status.success() { Ok(()) } else { Err(Error::Failed { command: format_command(command), status }) }
 }
@@ -18,7 +18,7 @@ pub fn run_command(command: &mut Command) -> Result<(), Error> {
 /// # Errors
 /// [`Error::Start`] or [`Error::Failed`].
 pub fn capture_output(command: &mut Command) -> Result<String, Error> {
-    remove_variables_of_cargo_run(command);
+    remove_cargo_pkg_and_manifest_variables(command);
     let Output { status, stdout, .. } = command
         .stderr(Stdio::inherit())
         .output()
@@ -32,7 +32,7 @@ pub fn capture_output(command: &mut Command) -> Result<String, Error> {
 
 /// Takes away what `cargo run` tells this program of itself. A build script of a library (ring's) watches these variables: without this, a build by
 /// this program and one by hand would compile TLS and the host's crates again, by turns.
-fn remove_variables_of_cargo_run(command: &mut Command) {
+fn remove_cargo_pkg_and_manifest_variables(command: &mut Command) {
     for (name, _) in std::env::vars_os() {
         let is_told =
             name.to_str().is_some_and(|name| name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_"));
@@ -49,7 +49,7 @@ pub fn format_command(command: &Command) -> String {
 }
 
 /// Runs a program without showing what it says; if it fails, that is the reason.
-pub fn run_command_silently(command: &mut Command) -> Result<(), String> {
+pub fn run_command_silently_returning_cause_line_on_failure(command: &mut Command) -> Result<(), String> {
     let shown = format_command(command);
     let output = command.output().map_err(|error| format!("cannot run `{shown}`: {error}"))?;
     if output.status.success() {

@@ -16,18 +16,18 @@ const PACKAGE: &str = "host/python";
 ///
 /// # Errors
 /// [`Error::Missing`], [`Error::Python`], [`Error::File`], [`Error::Start`], or [`Error::Failed`] with what failed.
-pub fn check_python_package() -> Result<(), Error> {
+pub fn install_needs_build_program_and_check_python_package() -> Result<(), Error> {
     setup::install_missing_needs("cargo xtask python", setup::PYTHON)?;
     let root = repository_root()?;
     build_release_programs_by_package_and_binary_name(&root, &[("era-host", "era")])?;
-    build_and_install_wheel_and_run_python_tests()
+    build_and_install_wheel_and_run_python_tests_and_type_checks()
 }
 
 /// The same beside the program of the workspace's tests.
 ///
 /// # Errors
-/// As [`check_python_package`].
-pub fn build_and_install_wheel_and_run_python_tests() -> Result<(), Error> {
+/// As [`install_needs_build_program_and_check_python_package`].
+pub fn build_and_install_wheel_and_run_python_tests_and_type_checks() -> Result<(), Error> {
     let root = repository_root()?;
     let folder = root.join(PACKAGE);
     let python = ensure_package_environment_and_find_interpreter(&root)?;

@@ -5,7 +5,7 @@
 //! toolchain's components come from rustup, which needs no rights. This is the only list of packages.
 
 use crate::error::Error;
-use crate::process::{has_python_with_venv, run_command_silently};
+use crate::process::{has_python_with_venv, run_command_silently_returning_cause_line_on_failure};
 use crate::repository_root;
 use crate::target::{self, TARGET};
 use std::fmt::Write;
@@ -273,7 +273,7 @@ impl Machine for ThisMachine {
                 }
             };
             command.args(["DEBIAN_FRONTEND=noninteractive", "apt-get", "-qq"]).args(arguments).stdin(Stdio::null());
-            run_command_silently(&mut command)
+            run_command_silently_returning_cause_line_on_failure(&mut command)
         };
         apt(&["update"])?;
         apt(&[&["install", "--yes", "--no-install-recommends"], packages].concat())
@@ -285,7 +285,9 @@ impl Machine for ThisMachine {
                 let scratch = repository_root().map_err(|error| error.to_string())?.join("target/rust-src");
                 target::ensure_compile_target_available(&scratch, false).map(|_| ()).map_err(|error| error.to_string())
             }
-            (_, Some(arguments)) => run_command_silently(Command::new("rustup").args(arguments)),
+            (_, Some(arguments)) => {
+                run_command_silently_returning_cause_line_on_failure(Command::new("rustup").args(arguments))
+            }
             (_, None) => Ok(()),
         }
     }
@@ -408,17 +410,20 @@ mod tests {
     #[test]
     fn why_a_program_failed_is_kept() {
         // The message begins with the command, so that the texts are put together by the shell.
-        let told =
-            run_command_silently(Command::new("sh").args(["-c", "echo fir''st >&2; echo the la''st >&2; exit 3"]))
-                .unwrap_err();
+        let told = run_command_silently_returning_cause_line_on_failure(
+            Command::new("sh").args(["-c", "echo fir''st >&2; echo the la''st >&2; exit 3"]),
+        )
+        .unwrap_err();
         assert!(told.contains("the last") && !told.contains("first") && told.contains('3'), "{told}");
-        let told = run_command_silently(
+        let told = run_command_silently_returning_cause_line_on_failure(
             Command::new("sh").args(["-c", "echo error: the cau''se >&2; echo a hi''nt >&2; exit 1"]),
         )
         .unwrap_err();
         assert!(told.contains("the cause") && !told.contains("hint"), "{told}");
         assert!(
-            run_command_silently(Command::new("/no/such/program").arg("x")).unwrap_err().contains("/no/such/program x")
+            run_command_silently_returning_cause_line_on_failure(Command::new("/no/such/program").arg("x"))
+                .unwrap_err()
+                .contains("/no/such/program x")
         );
     }
 }

@@ -44,7 +44,7 @@ struct FirstPlanTimes {
 ///
 /// # Errors
 /// [`Error::Start`], [`Error::Failed`], [`Error::File`], [`Error::NoFirstPlan`].
-pub fn measure_daemon_starts(arguments: &[std::ffi::OsString]) -> Result<(), Error> {
+pub fn build_daemon_and_measure_first_plan_times_cold_and_warm(arguments: &[std::ffi::OsString]) -> Result<(), Error> {
     let options = Options::parse_from(arguments);
     let root = repository_root()?;
     build_release_programs_by_package_and_binary_name(&root, &[("era-host", "era")])?;

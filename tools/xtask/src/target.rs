@@ -5,7 +5,7 @@
 //! like a nightly one (`RUSTC_BOOTSTRAP`).
 
 use crate::error::{Error, file_error};
-use crate::process::{capture_output, run_command, run_command_silently};
+use crate::process::{capture_output, run_command, run_command_silently_returning_cause_line_on_failure};
 pub use crate::triple::TARGET;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -50,7 +50,9 @@ pub fn ensure_compile_target_available(scratch: &Path, build_std: bool) -> Resul
         return ensure_std_sources_in_sysroot(scratch).map(|()| CompileTargetSource::BuildStd);
     }
     eprintln!("firmware: adding the target {TARGET} with rustup");
-    let rustup = match run_command_silently(Command::new("rustup").args(["target", "add", TARGET])) {
+    let rustup = match run_command_silently_returning_cause_line_on_failure(
+        Command::new("rustup").args(["target", "add", TARGET]),
+    ) {
         Ok(()) if is_target_installed()? => return Ok(CompileTargetSource::Rustup),
         Ok(()) => "the target was added to a toolchain that is not in use".to_owned(),
         Err(reason) => reason,
@@ -103,7 +105,7 @@ fn ensure_std_sources_in_sysroot(scratch: &Path) -> Result<(), Error> {
         reason: format!("cannot make {}: {source}", parent.display()),
     })?;
     eprintln!("firmware: fetching the sources of the standard library from Debian's {SUITE}");
-    let package = download_std_source_package(scratch, &compiler)?;
+    let package = download_debian_rust_src_package(scratch, &compiler)?;
     let unpacked = scratch.join("unpacked");
     run_command(Command::new("dpkg-deb").arg("-x").args([&package, &unpacked]))?;
     let sources = unpacked.join(format!("usr/src/rustc-{compiler}/library"));
@@ -120,7 +122,7 @@ fn ensure_std_sources_in_sysroot(scratch: &Path) -> Result<(), Error> {
 
 /// Downloads Debian's `rust-src` with an apt configuration of its own, which needs no rights and leaves the machine's
 /// package lists alone.
-fn download_std_source_package(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
+fn download_debian_rust_src_package(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
     for directory in ["state/lists/partial", "cache/archives/partial", "package"] {
         let path = scratch.join(directory);
         fs::create_dir_all(&path).map_err(file_error("cannot make", &path))?;
@@ -153,7 +155,7 @@ fn download_std_source_package(scratch: &Path, compiler: &str) -> Result<PathBuf
         command
     };
     let failed = |reason| Error::NoSources { compiler: compiler.to_owned(), reason };
-    run_command_silently(&mut apt("apt-get", &["update"])).map_err(failed)?;
+    run_command_silently_returning_cause_line_on_failure(&mut apt("apt-get", &["update"])).map_err(failed)?;
     // The suite keeps the packages of several compilers; the newest is not the one wanted.
     let listed = capture_output(apt("apt-cache", &["madison", "rust-src"]).stdout(Stdio::piped()))?;
     let versions: Vec<&str> = listed.lines().filter_map(|line| line.split('|').nth(1)).map(str::trim).collect();
@@ -161,7 +163,11 @@ fn download_std_source_package(scratch: &Path, compiler: &str) -> Result<PathBuf
         let reason = format!("{SUITE} has only the versions {}", versions.join(", "));
         return Err(Error::NoSources { compiler: compiler.to_owned(), reason });
     };
-    run_command_silently(&mut apt("apt-get", &["download", &format!("rust-src={version}")])).map_err(failed)?;
+    run_command_silently_returning_cause_line_on_failure(&mut apt(
+        "apt-get",
+        &["download", &format!("rust-src={version}")],
+    ))
+    .map_err(failed)?;
     let directory = scratch.join("package");
     let entries = fs::read_dir(&directory).map_err(file_error("cannot read", &directory))?;
     entries

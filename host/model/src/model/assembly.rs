@@ -92,11 +92,11 @@ pub struct AttachedVectors {
 
 impl AttachedVectors {
     /// What `scene` attaches to the surface of a mesh, which need not have been made for it.
-    pub(super) fn assemble_point_attachments_of_scene(grid: &Grid, scene: &Scene) -> Self {
+    pub(super) fn assemble_supports_masses_and_actuators_of_scene(grid: &Grid, scene: &Scene) -> Self {
         let mut parts =
             AttachmentBuilder { grid, unknowns: grid.free, attachments: Vec::new(), moving_masses: Vec::new() };
         for attached in supports_and_masses(scene) {
-            parts.add_point_attachment_with_suspended_mass_returning_travel(&attached);
+            parts.add_point_attachment_returning_travel_row_against_mass_or_ground(&attached);
         }
         let without_actuators = parts.attachments.len();
         let actuators = actuator_attachments(scene)
@@ -147,7 +147,7 @@ pub fn assemble_panel_matrices(scene: &Scene, fineness: Fineness) -> Result<Pane
     }
     let edges = assemble_elastic_edges_by_loss_factor(scene, &grid);
     edges.iter().for_each(|(edges, _)| stiffness.add_scaled_entries(edges, 1.0));
-    let attached = AttachedVectors::assemble_point_attachments_of_scene(&grid, scene);
+    let attached = AttachedVectors::assemble_supports_masses_and_actuators_of_scene(&grid, scene);
     let n = attached.unknowns;
     for attachment in &attached.attachments {
         stiffness.add_outer_product(&attachment.vector, attachment.stiffness);
@@ -324,8 +324,8 @@ fn add_plate_cell_stiffness_and_mass(
                         + mixed[0] * y.mixed[(d, b)]
                         + mixed[1] * y.mixed[(b, d)]
                         + slope * y.slope[(b, d)];
-                    stiffness.add_entry(*row, *column, rigidity * energy);
-                    mass.add_entry(*row, *column, per_area * own * y.mass[(b, d)]);
+                    stiffness.add_entry_without_its_transpose(*row, *column, rigidity * energy);
+                    mass.add_entry_without_its_transpose(*row, *column, per_area * own * y.mass[(b, d)]);
                 }
             }
         }
@@ -337,7 +337,7 @@ fn add_dense_block(entries: &mut MatrixEntries, unknowns: &[Option<usize>], entr
     for (a, row) in unknowns.iter().enumerate() {
         for (b, column) in unknowns.iter().enumerate() {
             if let (Some(row), Some(column)) = (row, column) {
-                entries.add_entry(*row, *column, entry_value(a, b));
+                entries.add_entry_without_its_transpose(*row, *column, entry_value(a, b));
             }
         }
     }
@@ -361,7 +361,7 @@ fn add_elastic_edge_stiffness(grid: &Grid, side: Side, stiffness: f64, rotationa
     for (function, value) in [(here, stiffness), (here + 1, rotational / (scale * scale))] {
         let Some(along) = along else {
             if let Some(number) = number(function, 0) {
-                entries.add_entry(number, number, value);
+                entries.add_entry_without_its_transpose(number, number, value);
             }
             continue;
         };
@@ -412,7 +412,7 @@ impl AttachmentBuilder<'_> {
     }
 
     /// Adds something at a point; what a force between it and its other side acts on, and what the travel between them is.
-    fn add_point_attachment_with_suspended_mass_returning_travel(
+    fn add_point_attachment_returning_travel_row_against_mass_or_ground(
         &mut self,
         attached: &PointAttachment,
     ) -> Vec<(usize, f64)> {
@@ -464,7 +464,7 @@ impl AttachmentBuilder<'_> {
         if attached.carried.is_some() {
             self.moving_masses.push((self.unknowns, index));
         }
-        let between = self.add_point_attachment_with_suspended_mass_returning_travel(attached);
+        let between = self.add_point_attachment_returning_travel_row_against_mass_or_ground(attached);
         ActuatorVectors { force: between.clone(), travel: between }
     }
 }

@@ -17,7 +17,9 @@ use super::estimator::{
 use super::fineness::Fineness;
 use super::grid::count_mesh_unknowns_before_edges_and_cutouts;
 use super::panel::{MeshCounts, PanelModel, choose_fineness};
-use super::placement::{has_attachments_with_overlapping_functions, has_unresolved_singularity};
+use super::placement::{
+    has_attachments_with_overlapping_functions, has_singularity_without_function_at_patch_cutout_or_corner,
+};
 use super::{Accuracy, ModelError};
 use crate::scene::Scene;
 use crate::stop::StopRequest;
@@ -243,7 +245,7 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
         }
         self.solve_and_record_level(refinement.order - 2, refinement.part, false)?;
         self.solve_and_record_level(refinement.order, refinement.part, true)?;
-        self.bound_error_of_last_level_and_update_best(first);
+        self.bound_error_of_last_level_update_best_and_drop_old_levels(first);
         Ok(())
     }
 
@@ -256,7 +258,7 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
     ) -> Result<(), Q::Error> {
         let first = self.steps.len().saturating_sub(2);
         self.solve_and_record_level(order, cell_fraction, is_finest)?;
-        self.bound_error_of_last_level_and_update_best(first);
+        self.bound_error_of_last_level_update_best_and_drop_old_levels(first);
         Ok(())
     }
 
@@ -284,7 +286,7 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
         let step = self.steps.len();
         self.steps.push(RefinementLevel {
             fineness,
-            parts: model.count_mesh_parts(),
+            parts: model.count_cells_point_functions_stiff_points_and_known_modes(),
             dofs: model.count_unknowns(),
             elapsed_ms,
             bound: f64::INFINITY,
@@ -294,7 +296,7 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
     }
 
     /// The bounds of the last level from those before it, of which `first_level_of_mesh` is the first on its mesh.
-    fn bound_error_of_last_level_and_update_best(&mut self, first_level_of_mesh: usize) {
+    fn bound_error_of_last_level_update_best_and_drop_old_levels(&mut self, first_level_of_mesh: usize) {
         let mut before = self.levels.iter().rev().filter(|level| level.step >= first_level_of_mesh);
         let (Some(fine), Some(middle)) = (before.next(), before.next()) else { return };
         let last = self.question.relative_difference_of_each_part(&middle.answer, &fine.answer);
@@ -406,6 +408,6 @@ fn largest_bound_or_zero(bounds: &[f64]) -> f64 {
 /// Whether errors may fall so slowly that two levels do not show it: a third is asked.
 fn may_errors_fall_too_slowly_for_two_levels(scene: &Scene, fineness: Fineness) -> bool {
     has_singular_corner(scene)
-        || has_unresolved_singularity(scene, fineness)
+        || has_singularity_without_function_at_patch_cutout_or_corner(scene, fineness)
         || has_attachments_with_overlapping_functions(scene, fineness)
 }

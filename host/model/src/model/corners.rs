@@ -37,10 +37,11 @@ pub struct PlateCorner {
 
 /// All corners of a plate, its cut-outs and its patches.
 pub fn find_plate_corners(layout: &SurfaceLayout) -> Vec<PlateCorner> {
-    let (right, bottom) = (layout.border_lines_x_m().len() - 1, layout.border_lines_y_m().len() - 1);
-    let size = (layout.border_lines_x_m()[right], layout.border_lines_y_m()[bottom]);
+    let (right, bottom) =
+        (layout.border_lines_and_outer_edges_x_m().len() - 1, layout.border_lines_and_outer_edges_y_m().len() - 1);
+    let size = (layout.border_lines_and_outer_edges_x_m()[right], layout.border_lines_and_outer_edges_y_m()[bottom]);
     layout
-        .border_vertices()
+        .vertices_at_crossings_of_border_lines()
         .filter_map(|vertex| {
             Some(PlateCorner {
                 at: vertex.at,

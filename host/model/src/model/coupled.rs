@@ -146,7 +146,7 @@ impl BarePanel {
         self.modes.lambda.len()
     }
 
-    /// The reduced model of `scene`: as [`PanelModel::reduce_with_residual_shapes_of_actuators_and_points`] makes it, for the frequencies and with the units of that.
+    /// The reduced model of `scene`: as [`PanelModel::reduce_with_residual_shapes_of_actuators_damping_and_points`] makes it, for the frequencies and with the units of that.
     ///
     /// # Errors
     /// [`ModelError::OtherPanel`] if its surface, patches, cut-outs or edges are not this panel's; [`ModelError::Factorisation`] if
@@ -154,7 +154,7 @@ impl BarePanel {
     pub fn couple_to_design(&self, scene: &Scene) -> Result<ReducedModel, ModelError> {
         self.check_same_bare_panel(scene)?;
         let grid = self.model.grid();
-        let mut attached = AttachedVectors::assemble_point_attachments_of_scene(grid, scene);
+        let mut attached = AttachedVectors::assemble_supports_masses_and_actuators_of_scene(grid, scene);
         let free = self.count_unknowns();
         let basis = ResidualBasis::new(
             self.collect_distinct_load_shapes_of_attachments_and_edges(&attached.attachments, free),
@@ -223,7 +223,7 @@ impl BarePanel {
         let damping = DampingMatrices::project_onto_vectors(
             scene.surface.damping,
             &attached,
-            self.model.distributed_springs(),
+            self.model.edge_and_sealed_air_springs(),
             &lambda,
             &all,
         );
@@ -298,7 +298,7 @@ impl BarePanel {
         let (n, free, lower_free) = (load_shapes.len(), self.count_unknowns(), self.lower.count_unknowns());
         let part =
             self.extrapolation_factor_unless_single_mesh().filter(|_| self.scene.surface.kind == SurfaceKind::Plate)?;
-        let lower = AttachedVectors::assemble_point_attachments_of_scene(self.lower.grid(), scene);
+        let lower = AttachedVectors::assemble_supports_masses_and_actuators_of_scene(self.lower.grid(), scene);
         if lower.attachments.len() != attached.attachments.len() {
             return None;
         }

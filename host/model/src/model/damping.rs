@@ -241,12 +241,12 @@ impl StructuredDamping {
                 .map(|coupling| DampingCoupling { shape: coupling.shape.select_rows(coordinates), ..*coupling })
                 .collect(),
         }
-        .merge_couplings_of_equal_coefficients()
+        .reduce_couplings_of_equal_damping_to_independent_shapes()
     }
 
     /// With couplings that are alike replaced by fewer: Z B B' = Z (U S) (U S)' for B = U S V', without the columns that
     /// are nothing, as when the springs of a panel's corners are asked about one parity of its modes.
-    fn merge_couplings_of_equal_coefficients(self) -> Self {
+    fn reduce_couplings_of_equal_damping_to_independent_shapes(self) -> Self {
         let mut couplings: Vec<DampingCoupling> = Vec::new();
         let mut left = self.couplings;
         while let Some(first) = left.first() {

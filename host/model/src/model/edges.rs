@@ -46,12 +46,12 @@ impl EdgeStiffnessScale {
     }
 
     /// How far springs of this stiffness give way, relative: b / L, and on a bar EI / (k L^3).
-    fn relative_edge_deflection_for_softest_rigidity(&self, stiffness: f64) -> f64 {
-        self.relative_edge_deflection_for_rigidity(self.rigidity, stiffness)
+    fn relative_characteristic_length_or_bar_deflection_at_softest(&self, stiffness: f64) -> f64 {
+        self.relative_characteristic_length_or_bar_deflection_for_rigidity(self.rigidity, stiffness)
     }
 
     /// Relative deflection b / L (on a bar EI / (k L^3)) for a given rigidity of the surface.
-    fn relative_edge_deflection_for_rigidity(&self, rigidity: f64, stiffness: f64) -> f64 {
+    fn relative_characteristic_length_or_bar_deflection_for_rigidity(&self, rigidity: f64, stiffness: f64) -> f64 {
         let part = rigidity / (stiffness * self.length.powi(3));
         if self.is_plate { part.cbrt() } else { part }
     }
@@ -103,7 +103,7 @@ pub fn relative_frequency_error_of_replaced_edge_springs(scene: &Scene) -> f64 {
         if stiffness <= scale.stiffness_above_which_edge_is_rigid() {
             return slope;
         }
-        let part = scale.relative_edge_deflection_for_rigidity(scale.stiffest, stiffness);
+        let part = scale.relative_characteristic_length_or_bar_deflection_for_rigidity(scale.stiffest, stiffness);
         slope + if scale.is_plate { GIVES_WAY * part * part } else { END_GIVES_WAY * part }
     };
     scene.edges.iter().map(|edge| part(&edge.kind)).sum()
@@ -119,7 +119,7 @@ pub fn needs_fine_cells_at_elastic_corner(scene: &Scene, sides: [Option<Side>; 2
     }
     kinds.iter().flatten().any(|kind| match kind {
         EdgeKind::Elastic { stiffness, .. } => {
-            *stiffness > 0.0 && scale.relative_edge_deflection_for_softest_rigidity(*stiffness) < THIN
+            *stiffness > 0.0 && scale.relative_characteristic_length_or_bar_deflection_at_softest(*stiffness) < THIN
         }
         EdgeKind::Pinned | EdgeKind::Clamped => false,
     })

@@ -170,7 +170,12 @@ struct LanczosBlock {
 
 impl LanczosBlock {
     /// Takes these vectors out of the one that becomes column `j` of the block; `mass` follows by linearity.
-    fn orthogonalise_column(&mut self, vector: &mut DMatrix<f64>, mass: &mut DMatrix<f64>, j: usize) {
+    fn orthogonalise_column_and_record_coupling(
+        &mut self,
+        vector: &mut DMatrix<f64>,
+        mass: &mut DMatrix<f64>,
+        j: usize,
+    ) {
         let inner = self.mass.tr_mul(vector);
         vector.gemm(-1.0, &self.vectors, &inner, 1.0);
         mass.gemm(-1.0, &self.mass, &inner, 1.0);
@@ -235,20 +240,21 @@ impl<'a> LanczosSpace<'a> {
         self.subtract_known_modes(&mut rest);
         // Once more for what rounding of the long vectors has left in the short ones.
         self.subtract_known_modes_and_found_space(&mut rest);
-        let (first, kept) = self.orthonormalise_within_block_and_least_kept_fraction(&rest, &lengths);
+        let (first, kept) = self.orthonormalise_block_dropping_exhausted_and_least_kept_fraction(&rest, &lengths);
         if kept >= KEPT {
             return first;
         }
         let mut rest = first.vectors;
         self.subtract_known_modes_and_found_space(&mut rest);
-        let (again, _) = self.orthonormalise_within_block_and_least_kept_fraction(&rest, &vec![1.0; rest.ncols()]);
+        let (again, _) =
+            self.orthonormalise_block_dropping_exhausted_and_least_kept_fraction(&rest, &vec![1.0; rest.ncols()]);
         let coupling = &again.coupling * &first.coupling;
         LanczosBlock { coupling, ..again }
     }
 
     /// Makes vectors orthonormal among themselves, without those of which next to nothing of `lengths` is left; and the least
     /// part that one keeps beside the others.
-    fn orthonormalise_within_block_and_least_kept_fraction(
+    fn orthonormalise_block_dropping_exhausted_and_least_kept_fraction(
         &self,
         vectors: &DMatrix<f64>,
         lengths: &[f64],
@@ -263,7 +269,7 @@ impl<'a> LanczosSpace<'a> {
             let mut mass = mass.columns(j, 1).into_owned();
             let before = vector.dot(&mass).max(0.0).sqrt();
             for _ in 0..2 {
-                out.orthogonalise_column(&mut vector, &mut mass, j);
+                out.orthogonalise_column_and_record_coupling(&mut vector, &mut mass, j);
             }
             let norm = vector.dot(&mass).max(0.0).sqrt();
             if norm <= EXHAUSTED * length || norm == 0.0 {
@@ -327,10 +333,10 @@ mod tests {
     fn thesis_example_with_two_degrees_of_freedom() {
         let (mut k, mut m) = (MatrixEntries::default(), MatrixEntries::default());
         for (row, column, value) in [(0, 0, 54.0), (0, 1, -6.0), (1, 0, -6.0), (1, 1, 6.0)] {
-            k.add_entry(row, column, value);
+            k.add_entry_without_its_transpose(row, column, value);
         }
-        m.add_entry(0, 0, 18.0);
-        m.add_entry(1, 1, 2.0);
+        m.add_entry_without_its_transpose(0, 0, 18.0);
+        m.add_entry_without_its_transpose(1, 1, 2.0);
         let shift = 3.0;
         let mut shifted = k.clone();
         shifted.add_scaled_entries(&m, shift);

@@ -59,7 +59,7 @@ fn cells_reached_by_singular_functions_cut_for_integration<'a>(
         let section = grid.sections.section_of_cell_unless_cut_away(cell_x, cell_y).filter(|_| !active.is_empty())?;
         let parts = cut_cell_into_rectangles(
             bounds,
-            &collect_singular_centres(&active),
+            &collect_singular_and_blending_centres(&active),
             &collect_function_ends_along_x_and_y(&active),
             longer_side(bounds),
         );
@@ -131,8 +131,8 @@ pub(super) fn add_singular_function_matrices(
             }
             for (f, (other, _)) in active.iter().enumerate() {
                 let [bend, inertia] = block.bending_and_inertia_integrals_of_pair(e, f);
-                stiffness.add_entry(*number, *other, section.rigidity * bend);
-                mass.add_entry(*number, *other, section.per_area * inertia);
+                stiffness.add_entry_without_its_transpose(*number, *other, section.rigidity * bend);
+                mass.add_entry_without_its_transpose(*number, *other, section.per_area * inertia);
             }
         }
     }
@@ -140,8 +140,8 @@ pub(super) fn add_singular_function_matrices(
 
 /// Adds a value at (row, column) and at (column, row).
 fn add_value_at_entry_and_transpose(entries: &mut MatrixEntries, row: usize, column: usize, value: f64) {
-    entries.add_entry(row, column, value);
-    entries.add_entry(column, row, value);
+    entries.add_entry_without_its_transpose(row, column, value);
+    entries.add_entry_without_its_transpose(column, row, value);
 }
 
 /// The longer side of a rectangle.
@@ -322,7 +322,7 @@ struct SingularCentre {
 }
 
 /// All places where functions are singular or their blending has joints, each once.
-fn collect_singular_centres(active: &[(usize, &SingularFunction)]) -> Vec<SingularCentre> {
+fn collect_singular_and_blending_centres(active: &[(usize, &SingularFunction)]) -> Vec<SingularCentre> {
     let of = |f: &SingularFunction| {
         let sources = f.sources.iter().map(|source| SingularCentre { at: source.centre, finest: f.finest });
         sources.chain([SingularCentre { at: (f.x.centre, f.y.centre), finest: f64::INFINITY }]).collect::<Vec<_>>()
@@ -465,7 +465,8 @@ impl EdgeSprings<'_> {
                 continue;
             }
             // A rectangle without height: the same cuts, by the distance from the line.
-            let (centres, ends) = (collect_singular_centres(&active), collect_function_ends_along_x_and_y(&active));
+            let (centres, ends) =
+                (collect_singular_and_blending_centres(&active), collect_function_ends_along_x_and_y(&active));
             let bounds = if self.along_y { [x[0], x[0], from, to] } else { [from, to, y[0], y[0]] };
             for QuadratureRectangle { bounds: part, .. } in
                 cut_cell_into_rectangles(bounds, &centres, &ends, longer_side(bounds))
@@ -534,7 +535,7 @@ impl EdgeSprings<'_> {
             }
             for ((f, _), (other_value, other_slope)) in active.iter().zip(&jets) {
                 let value = self.stiffness * value * other_value + self.rotational * slope * other_slope;
-                entries.add_entry(*e, *f, weight * value);
+                entries.add_entry_without_its_transpose(*e, *f, weight * value);
             }
         }
     }

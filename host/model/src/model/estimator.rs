@@ -15,7 +15,9 @@ use super::attached::all_point_attachments;
 use super::bound::Bound;
 use super::corners::has_singular_corner;
 use super::panel::PanelModel;
-use super::placement::{has_attachments_with_overlapping_functions, has_unresolved_singularity};
+use super::placement::{
+    has_attachments_with_overlapping_functions, has_singularity_without_function_at_patch_cutout_or_corner,
+};
 use super::sections::WaveRigidities;
 use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
 
@@ -105,8 +107,11 @@ impl FrequencyRounding {
         let bending_hz = 3.52 / (length * length)
             * WaveRigidities::find_extremes_and_mean_over_layers_of_scene(scene).mean.sqrt()
             / std::f64::consts::TAU;
-        let per_aspect =
-            if model.count_mesh_parts().stiff_points > 0 { ROUNDING_PER_ASPECT_AT_POINTS } else { ROUNDING_PER_ASPECT };
+        let per_aspect = if model.count_cells_point_functions_stiff_points_and_known_modes().stiff_points > 0 {
+            ROUNDING_PER_ASPECT_AT_POINTS
+        } else {
+            ROUNDING_PER_ASPECT
+        };
         Self {
             regular: ROUNDING,
             thin: per_aspect * model.effective_mesh_aspect_for_rounding().powi(3),
@@ -154,8 +159,8 @@ pub struct ErrorEstimator {
 impl ErrorEstimator {
     pub(super) fn new(scene: &Scene, model: &PanelModel) -> Self {
         // What the mesh has no functions for: patches, cut-outs, attachments beside a corner.
-        let singular = has_unresolved_singularity(scene, model.fineness());
-        let has_points = model.count_mesh_parts().point_functions > 0;
+        let singular = has_singularity_without_function_at_patch_cutout_or_corner(scene, model.fineness());
+        let has_points = model.count_cells_point_functions_stiff_points_and_known_modes().point_functions > 0;
         let has_close_points = has_attachments_with_overlapping_functions(scene, model.fineness());
         let power = if has_points && has_close_points {
             LEAST_POWER_AT_CLOSE_POINTS
@@ -187,7 +192,7 @@ impl ErrorEstimator {
     /// The bound from the difference of the last two levels and, where it is known, that of the two before; infinite where they
     /// do not shrink.
     pub(super) fn estimate_frequency_error_bound(&self, previous_difference: Option<f64>, last_difference: f64) -> f64 {
-        self.estimate_error_bound_for_convergence_power(
+        self.estimate_error_bound_for_power_of_element_order(
             self.power,
             previous_difference,
             raise_last_difference_to_least_plausible(
@@ -214,7 +219,7 @@ impl ErrorEstimator {
         previous_difference: Option<f64>,
         last_difference: f64,
     ) -> f64 {
-        self.estimate_error_bound_for_convergence_power(
+        self.estimate_error_bound_for_power_of_element_order(
             self.response_power,
             previous_difference,
             raise_last_difference_to_least_plausible(self.least_ratio_of_curves, previous_difference, last_difference),
@@ -227,7 +232,7 @@ impl ErrorEstimator {
         previous_difference: Option<f64>,
         last_difference: f64,
     ) -> f64 {
-        self.estimate_error_bound_for_convergence_power(
+        self.estimate_error_bound_for_power_of_element_order(
             self.response_power,
             previous_difference,
             raise_last_difference_to_least_plausible(self.least_ratio_of_few, previous_difference, last_difference),
@@ -235,7 +240,7 @@ impl ErrorEstimator {
     }
 
     /// Error bound if errors fall with this power of the element order; infinite where differences do not shrink.
-    fn estimate_error_bound_for_convergence_power(
+    fn estimate_error_bound_for_power_of_element_order(
         &self,
         power: f64,
         previous_difference: Option<f64>,

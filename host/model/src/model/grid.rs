@@ -79,8 +79,10 @@ impl Grid {
         let layout = scene.layout();
         let [mut x, mut y] = build_mesh_lines_along_x_and_y(scene, fineness);
         if scene.surface.kind == SurfaceKind::Plate {
-            x.is_strip = x.count_cells() == 1 && !has_supported_edge_on_any_side(scene, [Side::Left, Side::Right]);
-            y.is_strip = y.count_cells() == 1 && !has_supported_edge_on_any_side(scene, [Side::Top, Side::Bottom]);
+            x.is_strip =
+                x.count_cells() == 1 && !has_supported_or_elastic_edge_on_any_side(scene, [Side::Left, Side::Right]);
+            y.is_strip =
+                y.count_cells() == 1 && !has_supported_or_elastic_edge_on_any_side(scene, [Side::Top, Side::Bottom]);
         }
         let y = (scene.surface.kind == SurfaceKind::Plate).then_some(y);
         let (element, straight) = (
@@ -452,7 +454,7 @@ impl Grid {
 }
 
 /// Whether the scene has an edge on one of these sides.
-fn has_supported_edge_on_any_side(scene: &Scene, sides: [Side; 2]) -> bool {
+fn has_supported_or_elastic_edge_on_any_side(scene: &Scene, sides: [Side; 2]) -> bool {
     scene.edges.iter().any(|edge| sides.contains(&edge.side))
 }
 

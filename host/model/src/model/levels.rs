@@ -151,7 +151,7 @@ impl ReducedLevels {
         max_hz: f64,
     ) -> Result<(ErrorEstimator, ReducedModel), ModelError> {
         let model = PanelModel::build_with_fineness(scene, fineness)?;
-        let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(max_hz, &[])?;
+        let reduced = model.reduce_with_residual_shapes_of_actuators_damping_and_points(max_hz, &[])?;
         Ok((ErrorEstimator::new(scene, &model), reduced))
     }
 
@@ -164,11 +164,11 @@ impl ReducedLevels {
             }
             let started = Instant::now();
             let model = PanelModel::build_with_fineness(scene, fineness)?;
-            let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(max_hz, &[])?;
+            let reduced = model.reduce_with_residual_shapes_of_actuators_damping_and_points(max_hz, &[])?;
             let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
             steps.push(RefinementLevel {
                 fineness,
-                parts: model.count_mesh_parts(),
+                parts: model.count_cells_point_functions_stiff_points_and_known_modes(),
                 dofs: model.count_unknowns(),
                 elapsed_ms,
                 bound: f64::INFINITY,

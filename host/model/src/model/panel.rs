@@ -5,7 +5,7 @@ use super::damping::{DampingMatrices, DistributedSprings};
 use super::eigen::{Modes, ShiftInvertOperator, extend_known_modes_up_to};
 use super::fineness::Fineness;
 use super::grid::{DeflectionDerivative, Grid};
-use super::poles::{Pole, compute_poles_of_first_modes_if_solvable};
+use super::poles::{Pole, compute_poles_of_followed_modes_if_solvable};
 use super::reduced::ReducedModel;
 use super::rigid::{RigidModes, find_rigid_modes_and_eigenvalue_bounds_of_slow_motions};
 use super::sections::{WaveRigidities, choose_spectral_shift_rad2_per_s2};
@@ -165,7 +165,7 @@ impl PanelModel {
 
     /// Cells along x and y (1 on a bar), functions of point forces, and stiffly held points with unknowns of their own.
     #[must_use]
-    pub fn count_mesh_parts(&self) -> MeshCounts {
+    pub fn count_cells_point_functions_stiff_points_and_known_modes(&self) -> MeshCounts {
         let grid = &self.assembled.grid;
         MeshCounts {
             cells: [grid.x.count_cells(), grid.y.as_ref().map_or(1, super::mesh::GridLines::count_cells)],
@@ -255,7 +255,7 @@ impl PanelModel {
     ///
     /// # Errors
     /// [`ModelError`] if the iteration does not settle.
-    pub fn reduce_with_residual_shapes_of_actuators_and_points(
+    pub fn reduce_with_residual_shapes_of_actuators_damping_and_points(
         &self,
         max_hz: f64,
         points: &[(f64, f64)],
@@ -305,7 +305,7 @@ impl PanelModel {
             .collect();
         let count = modes.lambda.len();
         if loads.is_empty() {
-            return compute_poles_of_first_modes_if_solvable(
+            return compute_poles_of_followed_modes_if_solvable(
                 &modes.lambda,
                 &self.project_damping_onto_vectors(&modes.lambda, &modes.vectors),
                 count,
@@ -323,7 +323,7 @@ impl PanelModel {
         };
         let (lambda, vectors) =
             super::reduced::build_reduction_basis(self.shift_invert_operator(), &more, &loads, SHAPES_FOR_POLES);
-        compute_poles_of_first_modes_if_solvable(
+        compute_poles_of_followed_modes_if_solvable(
             &lambda,
             &self.project_damping_onto_vectors(&lambda, &vectors),
             more.lambda.len(),
@@ -359,7 +359,7 @@ impl PanelModel {
     }
 
     /// The springs that are not attached at points: along edges, and sealed air.
-    pub(super) fn distributed_springs(&self) -> DistributedSprings<'_> {
+    pub(super) fn edge_and_sealed_air_springs(&self) -> DistributedSprings<'_> {
         DistributedSprings { edges: &self.assembled.edges, air: self.assembled.air.as_ref() }
     }
 
@@ -388,7 +388,7 @@ impl PanelModel {
         DampingMatrices::project_onto_vectors(
             self.scene.surface.damping,
             &self.assembled.attached,
-            self.distributed_springs(),
+            self.edge_and_sealed_air_springs(),
             lambda,
             vectors,
         )

@@ -83,8 +83,8 @@ pub(super) fn attachment_positions_m(scene: &Scene) -> impl Iterator<Item = (f64
 /// Lines along x and along y that the mesh must have for this scene.
 pub(super) fn required_grid_lines(scene: &Scene, layout: &SurfaceLayout, fineness: Fineness) -> [Vec<RequiredLine>; 2] {
     let line = |at: &f64| RequiredLine { at: *at, width: f64::INFINITY };
-    let mut forced =
-        [layout.border_lines_x_m(), layout.border_lines_y_m()].map(|lines| lines.iter().map(line).collect::<Vec<_>>());
+    let mut forced = [layout.border_lines_and_outer_edges_x_m(), layout.border_lines_and_outer_edges_y_m()]
+        .map(|lines| lines.iter().map(line).collect::<Vec<_>>());
     if scene.surface.kind == SurfaceKind::Bar {
         // A bar's third derivative jumps at a force and is smooth on either side.
         forced[0].extend(merge_attachments_into_places_firmest_first(scene).into_iter().map(|place| line(&place.at.0)));
@@ -97,14 +97,14 @@ pub(super) fn required_grid_lines(scene: &Scene, layout: &SurfaceLayout, finenes
     let at_corners = at_corners.filter(|(_, layers)| *layers > 0).map(|(at, layers)| (at, width(layers)));
     let least = width(fineness.layers.min(MOST_LAYERS));
     let beside_patches = attachment_positions_m(scene).filter_map(|at| {
-        Some((at, distance_to_other_material_if_too_near_m(scene, layout, &all, fineness, at)?.max(least)))
+        Some((at, distance_to_patch_or_cutout_corner_if_too_near_m(scene, layout, &all, fineness, at)?.max(least)))
     });
     // No strip thinner than the cells are to be: rounding in K grows with the cube of its aspect.
     let beside_patches = beside_patches.map(|(at, width)| {
         (
             (
-                snap_to_nearest_line_within(layout.border_lines_x_m(), at.0, width),
-                snap_to_nearest_line_within(layout.border_lines_y_m(), at.1, width),
+                snap_to_nearest_line_within(layout.border_lines_and_outer_edges_x_m(), at.0, width),
+                snap_to_nearest_line_within(layout.border_lines_and_outer_edges_y_m(), at.1, width),
             ),
             width,
         )
@@ -128,7 +128,7 @@ fn snap_to_nearest_line_within(lines: &[f64], position_m: f64, distance_m: f64) 
 
 /// Distance of an attachment from a patch, or a cut-out's corner, that is too near for its function to reach over; `None`
 /// where it is not.
-fn distance_to_other_material_if_too_near_m(
+fn distance_to_patch_or_cutout_corner_if_too_near_m(
     scene: &Scene,
     layout: &SurfaceLayout,
     corners: &[PlateCorner],
@@ -155,7 +155,7 @@ fn distance_to_other_material_if_too_near_m(
 /// Whether shapes are singular in a way that the mesh has no functions for: at patches and cut-outs, and where something is
 /// attached near a corner whose images are not all there.
 #[must_use]
-pub fn has_unresolved_singularity(scene: &Scene, fineness: Fineness) -> bool {
+pub fn has_singularity_without_function_at_patch_cutout_or_corner(scene: &Scene, fineness: Fineness) -> bool {
     if scene.surface.kind == SurfaceKind::Bar {
         return false;
     }
@@ -273,8 +273,8 @@ impl<'a> ClearSpaces<'a> {
             GridLines::new(side, fineness.cell_m, &borders.chain(strip).collect::<Vec<_>>())
         };
         let [in_x, in_y] = required_lines_on_narrow_strip(scene, fineness);
-        let x = regular(scene.surface.length_m, layout.border_lines_x_m(), in_x);
-        let y = regular(scene.surface.width_m, layout.border_lines_y_m(), in_y);
+        let x = regular(scene.surface.length_m, layout.border_lines_and_outer_edges_x_m(), in_x);
+        let y = regular(scene.surface.width_m, layout.border_lines_and_outer_edges_y_m(), in_y);
         let is_bar_like = width_in_cells_if_plain_narrow_strip(scene, fineness).is_some_and(|part| part < BAR_LIKE);
         Self { scene, layout, lines: [x, y], cell_m: cell_size_at_attachments_m(scene, fineness), is_bar_like }
     }
@@ -327,8 +327,8 @@ pub(super) fn build_singular_functions_of_attachments(
         let function = match clusters.add_place_and_find_nearest_earlier_in_cluster(place.at) {
             None => {
                 let near = MirroredSides::choose_sides_to_mirror(&own, NEAR_BORDER * cell_m);
-                let [x, y] =
-                    own.choose_reach_of_point_force_function_in_x_and_y(|side| near.is_satisfied_by_images(side));
+                let [x, y] = own
+                    .choose_end_blending_of_point_force_function_in_x_and_y(|side| near.is_satisfied_by_images(side));
                 let scale = 0.5 * (x.to - x.from).min(y.to - y.from);
                 let sources = near.build_force_and_image_sources(&own, scale);
                 alone.push((own, sources.clone()));

@@ -166,7 +166,7 @@ impl StiffPointUnknowns {
         for (row, column, value) in entries.iter() {
             let columns = self.replaced.get(&column);
             if columns.is_none() && !self.replaced.contains_key(&row) {
-                out.add_entry(row, column, value);
+                out.add_entry_without_its_transpose(row, column, value);
                 continue;
             }
             let sums = rows.entry(row).or_insert_with(|| vec![0.0; order]);
@@ -185,7 +185,9 @@ impl StiffPointUnknowns {
             }
         }
         for (row, sums) in rows {
-            sums.iter().enumerate().for_each(|(column, value)| out.add_entry(row, column, *value));
+            sums.iter()
+                .enumerate()
+                .for_each(|(column, value)| out.add_entry_without_its_transpose(row, column, *value));
         }
         out
     }
@@ -213,7 +215,7 @@ mod tests {
         let mut matrix = MatrixEntries::default();
         for i in 0..4 {
             for j in 0..4 {
-                matrix.add_entry(i, j, 1.0 / (1.0 + i as f64 + j as f64));
+                matrix.add_entry_without_its_transpose(i, j, 1.0 / (1.0 + i as f64 + j as f64));
             }
         }
         let new = [0.3, -0.7, 0.2, 1.1];

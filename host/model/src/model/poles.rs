@@ -183,10 +183,10 @@ impl Pole {
 /// The poles that continue from the first `followed_mode_count` of the undamped modes, the first `mode_count` of a mass-normalised basis of the squared
 /// frequencies `lambda` in rad^2/s^2; those are ascending, and what follows them are shapes of loads. `None` if an eigenproblem has no solution.
 #[must_use]
-pub fn compute_poles_of_first_modes_if_solvable(
+pub fn compute_poles_of_followed_modes_if_solvable(
     lambda: &[f64],
     damping: &DampingMatrices,
-    mode_count: usize,
+    mode_count_of_basis: usize,
     followed_mode_count: usize,
 ) -> Option<Vec<Pole>> {
     let n = lambda.len();
@@ -199,8 +199,8 @@ pub fn compute_poles_of_first_modes_if_solvable(
     let mut found = Vec::with_capacity(followed_mode_count);
     while found.len() < followed_mode_count {
         let (from, to) = (found.len(), (found.len() + TOGETHER).min(followed_mode_count));
-        let (first, last) = (from.saturating_sub(NEIGHBOURS), (to + NEIGHBOURS).min(mode_count));
-        let kept: Vec<usize> = (first..last).chain(mode_count..n).collect();
+        let (first, last) = (from.saturating_sub(NEIGHBOURS), (to + NEIGHBOURS).min(mode_count_of_basis));
+        let kept: Vec<usize> = (first..last).chain(mode_count_of_basis..n).collect();
         let part = |matrix: &DMatrix<f64>| matrix.select_rows(&kept).select_columns(&kept);
         let viscous = damping.structured.as_ref().map(|own| ViscousDamping {
             diagonal: own.viscous.select_rows(&kept),

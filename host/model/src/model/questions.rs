@@ -37,7 +37,11 @@ impl ModesUpTo {
 
     /// Whether a pole is one of the mesh: on a motion that dies out before it swings, and fast, levels do not agree. Beside a dashpot at a point there is less
     /// mass the finer the mesh, and no limit.
-    fn is_overdamped_coupled_pole_without_error_bound(&self, mode: &PanelMode, frequency_bound: Bound) -> bool {
+    fn has_bounded_frequency_but_unbounded_overdamped_coupled_pole(
+        &self,
+        mode: &PanelMode,
+        frequency_bound: Bound,
+    ) -> bool {
         let is_told = mode.pole_bound.limit_if_known().is_some() || frequency_bound.limit_if_known().is_none();
         let is_left_out = !mode.pole.is_whole && !self.is_pole_coupled_and_far_above_limit(&mode.pole);
         !is_told && !is_left_out && mode.pole.is_coupled && mode.pole.is_overdamped_or_nearly()
@@ -112,7 +116,7 @@ pub fn compute_modes_with_error_bounds(
     let of_poles = found.bounds.split_off(found.answer.len().min(found.bounds.len()));
     for ((mode, frequency), bound) in found.answer.iter_mut().zip(&found.bounds).zip(of_poles) {
         mode.pole_bound = bound;
-        if question.is_overdamped_coupled_pole_without_error_bound(mode, *frequency) {
+        if question.has_bounded_frequency_but_unbounded_overdamped_coupled_pole(mode, *frequency) {
             mode.pole = mode.pole.keep_slower_eigenvalue_and_mark_rest_unknown();
             mode.damping_ratio = mode.pole.damping_ratio;
         }

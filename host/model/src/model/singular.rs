@@ -262,16 +262,16 @@ impl SingularSource {
     }
 
     /// Its value at a distance from the centre in units of the scale; 0 with all derivatives at the centre.
-    fn evaluate_jet_from_centre(&self, x: f64, y: f64) -> FunctionJet {
-        let square = x * x + y * y;
+    fn evaluate_jet_from_centre(&self, x_over_scale: f64, y_over_scale: f64) -> FunctionJet {
+        let square = x_over_scale * x_over_scale + y_over_scale * y_over_scale;
         if square < f64::MIN_POSITIVE {
             return FunctionJet::default();
         }
         let (n, t) = match self.side {
-            Side::Left => (x, y),
-            Side::Right => (-x, y),
-            Side::Top => (y, x),
-            Side::Bottom => (-y, x),
+            Side::Left => (x_over_scale, y_over_scale),
+            Side::Right => (-x_over_scale, y_over_scale),
+            Side::Top => (y_over_scale, x_over_scale),
+            Side::Bottom => (-y_over_scale, x_over_scale),
         };
         let [value, dn, dt, dnn, dnt, dtt] = match &self.terms {
             SingularTerms::Round(parts) => sum_isotropic_terms_and_derivatives(parts, n, t),

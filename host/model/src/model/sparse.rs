@@ -24,7 +24,7 @@ pub struct MatrixEntries(Vec<Triplet<usize, usize, f64>>);
 
 impl MatrixEntries {
     /// Adds `value` at (row, column).
-    pub fn add_entry(&mut self, row: usize, column: usize, value: f64) {
+    pub fn add_entry_without_its_transpose(&mut self, row: usize, column: usize, value: f64) {
         if value != 0.0 {
             self.0.push(Triplet::new(row, column, value));
         }
@@ -34,7 +34,7 @@ impl MatrixEntries {
     pub fn add_outer_product(&mut self, vector: &[(usize, f64)], scale: f64) {
         for (row, a) in vector {
             for (column, b) in vector {
-                self.add_entry(*row, *column, a * b * scale);
+                self.add_entry_without_its_transpose(*row, *column, a * b * scale);
             }
         }
     }
@@ -80,7 +80,7 @@ impl SparseSymmetricMatrix {
         let mut entries = MatrixEntries::default();
         for column in 0..self.dimension() {
             for place in starts[column]..starts[column + 1] {
-                entries.add_entry(rows[place], column, values[place]);
+                entries.add_entry_without_its_transpose(rows[place], column, values[place]);
             }
         }
         entries
@@ -91,14 +91,14 @@ impl SparseSymmetricMatrix {
     pub fn multiply_columns(&self, vectors: &DMatrix<f64>) -> DMatrix<f64> {
         let mut out = DMatrix::zeros(self.dimension(), vectors.ncols());
         for first in (0..vectors.ncols()).step_by(LANES) {
-            self.multiply_columns_from_first_into_same_columns(vectors, first, &mut out);
+            self.multiply_one_block_of_columns_into_same_columns(vectors, first, &mut out);
         }
         out
     }
 
     /// The product with up to [`LANES`] columns at once: every entry is read once for all of them, and as rows are columns
     /// here each result is a sum that stays in registers.
-    fn multiply_columns_from_first_into_same_columns(
+    fn multiply_one_block_of_columns_into_same_columns(
         &self,
         vectors: &DMatrix<f64>,
         first: usize,

@@ -18,7 +18,10 @@ impl ReducedModel {
     /// Coordinates of the steady displacement for 1 N at an actuator alone (q in m kg^1/2, length n); `None` where that drives a
     /// motion that nothing holds, and where there is no such actuator.
     #[must_use]
-    pub fn steady_coordinates_per_newton_unless_driving_free_motion(&self, actuator: usize) -> Option<DVector<f64>> {
+    pub fn steady_coordinates_per_newton_unless_absent_or_driving_free_motion(
+        &self,
+        actuator: usize,
+    ) -> Option<DVector<f64>> {
         let force = (actuator < self.count_actuators()).then(|| self.force.column(actuator))?;
         let rounding = NOT_DRIVEN * force.amax();
         let mut coordinates = DVector::zeros(self.count_coordinates());
@@ -35,11 +38,12 @@ impl ReducedModel {
     /// Travel of each actuator's mass against its electrodes (row) per steady newton of each one (column) in m/N, with its sign: p x p;
     /// infinite in the column of an actuator that drives a motion that nothing holds.
     #[must_use]
-    pub fn steady_travel_or_infinity_if_driving_free_motion_m_per_n(&self) -> DMatrix<f64> {
+    pub fn steady_travel_in_gaps_or_infinity_if_driving_free_motion_m_per_n(&self) -> DMatrix<f64> {
         let p = self.count_actuators();
         let mut travel = DMatrix::from_element(p, p, f64::INFINITY);
         for (actuator, mut column) in travel.column_iter_mut().enumerate() {
-            if let Some(coordinates) = self.steady_coordinates_per_newton_unless_driving_free_motion(actuator) {
+            if let Some(coordinates) = self.steady_coordinates_per_newton_unless_absent_or_driving_free_motion(actuator)
+            {
                 column.copy_from(&(&self.travel * coordinates));
             }
         }

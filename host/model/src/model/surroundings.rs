@@ -56,17 +56,17 @@ impl ClearRectangle {
         scene: &Scene,
         layout: &SurfaceLayout,
         at: (f64, f64),
-        wanted: [f64; 4],
+        wanted_ends_m: [f64; 4],
     ) -> Option<Self> {
         let at = (
-            snap_to_line_within_merging_distance(layout.border_lines_x_m(), at.0),
-            snap_to_line_within_merging_distance(layout.border_lines_y_m(), at.1),
+            snap_to_line_within_merging_distance(layout.border_lines_and_outer_edges_x_m(), at.0),
+            snap_to_line_within_merging_distance(layout.border_lines_and_outer_edges_y_m(), at.1),
         );
         let ends = [
-            list_candidate_ends(layout.border_lines_x_m(), at.0, wanted[0]),
-            list_candidate_ends(layout.border_lines_x_m(), at.0, wanted[1]),
-            list_candidate_ends(layout.border_lines_y_m(), at.1, wanted[2]),
-            list_candidate_ends(layout.border_lines_y_m(), at.1, wanted[3]),
+            list_nearest_candidate_ends(layout.border_lines_and_outer_edges_x_m(), at.0, wanted_ends_m[0]),
+            list_nearest_candidate_ends(layout.border_lines_and_outer_edges_x_m(), at.0, wanted_ends_m[1]),
+            list_nearest_candidate_ends(layout.border_lines_and_outer_edges_y_m(), at.1, wanted_ends_m[2]),
+            list_nearest_candidate_ends(layout.border_lines_and_outer_edges_y_m(), at.1, wanted_ends_m[3]),
         ];
         let mut best: Option<(f64, f64, Self)> = None;
         for left in &ends[0] {
@@ -74,9 +74,13 @@ impl ClearRectangle {
                 for top in &ends[2] {
                     for bottom in ends[3].iter().filter(|bottom| *bottom > top) {
                         let ends = [*left, *right, *top, *bottom];
-                        let Some(found) =
-                            Self::from_ends_if_one_layer_and_point_off_material_border(scene, layout, at, ends, wanted)
-                        else {
+                        let Some(found) = Self::from_ends_if_one_layer_and_point_off_material_border(
+                            scene,
+                            layout,
+                            at,
+                            ends,
+                            wanted_ends_m,
+                        ) else {
                             continue;
                         };
                         let (clear, area) = (
@@ -108,8 +112,8 @@ impl ClearRectangle {
             return None;
         }
         let size = [
-            layout.border_lines_x_m()[layout.border_lines_x_m().len() - 1],
-            layout.border_lines_y_m()[layout.border_lines_y_m().len() - 1],
+            layout.border_lines_and_outer_edges_x_m()[layout.border_lines_and_outer_edges_x_m().len() - 1],
+            layout.border_lines_and_outer_edges_y_m()[layout.border_lines_and_outer_edges_y_m().len() - 1],
         ];
         let limits = [0.0, size[0], 0.0, size[1]];
         let mut found = Self { at, ends, borders: [BorderKind::None; 4], layer };
@@ -165,7 +169,7 @@ impl ClearRectangle {
     }
 
     /// Where a function lives that ends as the borders ask for, other than at the borders that it answers to by itself.
-    pub fn choose_reach_of_point_force_function_in_x_and_y(
+    pub fn choose_end_blending_of_point_force_function_in_x_and_y(
         &self,
         is_satisfied_by_images: impl Fn(Side) -> bool,
     ) -> [FunctionReach; 2] {
@@ -193,7 +197,7 @@ fn snap_to_line_within_merging_distance(lines: &[f64], position: f64) -> f64 {
 }
 
 /// Where a rectangle may end between a point and a wanted end: there, or at the borders on the way.
-fn list_candidate_ends(lines: &[f64], position: f64, wanted_end: f64) -> Vec<f64> {
+fn list_nearest_candidate_ends(lines: &[f64], position: f64, wanted_end: f64) -> Vec<f64> {
     let (low, high) = (position.min(wanted_end), position.max(wanted_end));
     let mut between: Vec<f64> = lines.iter().copied().filter(|line| *line >= low && *line <= high).collect();
     between.push(wanted_end);

@@ -114,7 +114,11 @@ impl ThinCells {
             for (a, row) in own.iter().enumerate().filter(|(a, _)| factor(*a) != 0.0) {
                 for (b, column) in own.iter().enumerate().filter(|(b, _)| factor(*b) != 0.0) {
                     if let (Some(row), Some(column)) = (row, column) {
-                        stiffness.add_entry(*row, *column, rigidity * factor(a) * factor(b) * bend[(a, b)]);
+                        stiffness.add_entry_without_its_transpose(
+                            *row,
+                            *column,
+                            rigidity * factor(a) * factor(b) * bend[(a, b)],
+                        );
                     }
                 }
             }

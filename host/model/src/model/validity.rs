@@ -13,7 +13,7 @@ pub fn list_thin_plate_warnings(scene: &Scene, max_hz: f64) -> Vec<String> {
     let mut doubts = Vec::new();
     let thickest =
         scene.layout().areas_or_bar_lengths_with_layers().map(|(_, layer)| layer.thickness_m).fold(0.0, f64::max);
-    let slenderness = thickest / length_of_longer_or_shortest_edge_supported_side_m(scene);
+    let slenderness = thickest / shortest_length_along_which_panel_has_to_bend_m(scene);
     if slenderness > THIN {
         doubts.push(format!(
             "the thickness of the surface is {slenderness:.3} times the shortest length along which the surface \
@@ -35,7 +35,7 @@ pub fn list_thin_plate_warnings(scene: &Scene, max_hz: f64) -> Vec<String> {
 /// The shortest side that the panel has to bend along at whatever low frequency: the longer one, and one with a line support
 /// at its end. Across a narrow strip that nothing holds nothing bends below frequencies whose waves are as short, and for
 /// those there is [`relative_overestimate_of_frequency_by_thin_theory`]; it is a bar, however it is called.
-fn length_of_longer_or_shortest_edge_supported_side_m(scene: &Scene) -> f64 {
+fn shortest_length_along_which_panel_has_to_bend_m(scene: &Scene) -> f64 {
     let surface = &scene.surface;
     let is_held = |sides: [Side; 2]| scene.edges.iter().any(|edge| sides.contains(&edge.side));
     match surface.kind {
@@ -95,13 +95,13 @@ mod tests {
             strip("plate", 40.0, 300.0, ""),
             strip("plate", 300.0, 40.0, &edge("left", "clamped")),
         ] {
-            assert_eq!(length_of_longer_or_shortest_edge_supported_side_m(&scene), 0.3, "{scene:?}");
+            assert_eq!(shortest_length_along_which_panel_has_to_bend_m(&scene), 0.3, "{scene:?}");
         }
         assert_eq!(
-            length_of_longer_or_shortest_edge_supported_side_m(&strip("plate", 300.0, 40.0, &edge("top", "pinned"))),
+            shortest_length_along_which_panel_has_to_bend_m(&strip("plate", 300.0, 40.0, &edge("top", "pinned"))),
             0.04
         );
-        assert_eq!(length_of_longer_or_shortest_edge_supported_side_m(&strip("plate", 40.0, 30.0, "")), 0.04);
-        assert_eq!(length_of_longer_or_shortest_edge_supported_side_m(&strip("bar", 40.0, 30.0, "")), 0.04);
+        assert_eq!(shortest_length_along_which_panel_has_to_bend_m(&strip("plate", 40.0, 30.0, "")), 0.04);
+        assert_eq!(shortest_length_along_which_panel_has_to_bend_m(&strip("bar", 40.0, 30.0, "")), 0.04);
     }
 }

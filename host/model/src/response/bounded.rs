@@ -82,7 +82,7 @@ impl RefinableQuestion for PointCurvesQuestion {
     type Error = CurveError;
 
     fn answer_from_model(&self, model: &PanelModel) -> Result<Self::Answer, CurveError> {
-        let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(self.max_hz, &[self.at])?;
+        let reduced = model.reduce_with_residual_shapes_of_actuators_damping_and_points(self.max_hz, &[self.at])?;
         let shape = reduced.shape_deflections_at(self.at.0, self.at.1);
         // One beside those asked for may be an undamped resonance.
         let (asked, all) = (&self.frequencies_hz[..self.asked], &self.frequencies_hz);
@@ -122,7 +122,7 @@ impl<T: Arithmetic + Into<f64>> SurfaceSweepQuestion<'_, T> {
         x_m: &[f64],
         y_m: &[f64],
     ) -> Result<AccelerationSweep<T>, CurveError> {
-        let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(self.modes_hz, &[])?;
+        let reduced = model.reduce_with_residual_shapes_of_actuators_damping_and_points(self.modes_hz, &[])?;
         Ok(SurfaceShapes::new(self.scene, &reduced, x_m, y_m)
             .compute_accelerations_per_newton_at_all_points(self.frequencies_hz)?)
     }

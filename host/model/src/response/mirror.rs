@@ -19,7 +19,7 @@ pub struct MirrorSymmetry {
 
 impl MirrorSymmetry {
     /// Whether scene, grid and shapes are symmetric about this centre line: half of the points are enough.
-    pub fn is_symmetric_about_this_line(&self) -> bool {
+    pub fn are_scene_grid_and_shapes_symmetric_about_this_line(&self) -> bool {
         self.odd.is_some()
     }
 
@@ -30,12 +30,12 @@ impl MirrorSymmetry {
 
     /// Whether no actuator moves what is odd. Odd coordinates are not coupled to even ones.
     pub fn is_symmetric_with_only_even_shapes_driven(&self) -> bool {
-        self.is_symmetric_about_this_line() && self.is_driven_evenly
+        self.are_scene_grid_and_shapes_symmetric_about_this_line() && self.is_driven_evenly
     }
 
     /// How many of so many lines are enough.
     pub fn count_lines_to_compute(&self, line_count: usize) -> usize {
-        if self.is_symmetric_about_this_line() { line_count.div_ceil(2) } else { line_count }
+        if self.are_scene_grid_and_shapes_symmetric_about_this_line() { line_count.div_ceil(2) } else { line_count }
     }
 }
 

@@ -128,7 +128,7 @@ impl<T: Arithmetic> SurfaceShapes<T> {
             if !(0..2).any(|axis| {
                 odd[axis]
                     && (folds[axis].is_symmetric_with_only_even_shapes_driven()
-                        || !folds[axis].is_symmetric_about_this_line())
+                        || !folds[axis].are_scene_grid_and_shapes_symmetric_about_this_line())
             }) {
                 let from = excited.len();
                 excited.extend((0..model.count_coordinates()).filter(is_of));
@@ -155,7 +155,7 @@ impl<T: Arithmetic> SurfaceShapes<T> {
 
     /// Multiplications and additions of the products for one frequency and actuator.
     #[must_use]
-    pub fn count_operations_per_frequency_and_actuator(&self) -> usize {
+    pub fn count_multiplications_and_additions_per_frequency_and_actuator(&self) -> usize {
         4 * self.part[0] * self.part[1] * self.model.count_coordinates()
     }
 
@@ -263,7 +263,7 @@ impl<T: Arithmetic> SweepBuffers<T> {
             let rows = [row(even), row(odd_y), row(odd_x), row(odd_both)];
             unfold_row_from_parities(rows, |a, b| a + b, &mut out[j * nx..(j + 1) * nx]);
             let mirrored = ny - 1 - j;
-            if shapes.folds[1].is_symmetric_about_this_line() && mirrored != j {
+            if shapes.folds[1].are_scene_grid_and_shapes_symmetric_about_this_line() && mirrored != j {
                 unfold_row_from_parities(rows, |a, b| a - b, &mut out[mirrored * nx..(mirrored + 1) * nx]);
             }
         }
@@ -274,17 +274,17 @@ impl<T: Arithmetic> SweepBuffers<T> {
 /// odd in y, or takes it away in the mirrored half.
 fn unfold_row_from_parities<T: Arithmetic>(
     [even, odd_y, odd_x, odd_both]: [&[T]; 4],
-    sum: impl Fn(T, T) -> T,
+    add_or_subtract_odd_in_y: impl Fn(T, T) -> T,
     out: &mut [T],
 ) {
     // All of the row, or its left part.
     let (left, right) = out.split_at_mut(even.len());
     let pairs = even.iter().zip(odd_y).zip(odd_x.iter().zip(odd_both));
     for (out, ((even, odd_y), (odd_x, odd_both))) in left.iter_mut().zip(pairs.clone()) {
-        *out = sum(*even, *odd_y) + sum(*odd_x, *odd_both);
+        *out = add_or_subtract_odd_in_y(*even, *odd_y) + add_or_subtract_odd_in_y(*odd_x, *odd_both);
     }
     // The centre column of an odd number is its own mirror image.
     for (out, ((even, odd_y), (odd_x, odd_both))) in right.iter_mut().rev().zip(pairs) {
-        *out = sum(*even, *odd_y) - sum(*odd_x, *odd_both);
+        *out = add_or_subtract_odd_in_y(*even, *odd_y) - add_or_subtract_odd_in_y(*odd_x, *odd_both);
     }
 }

@@ -9,6 +9,7 @@ impl Scene {
     /// What sealed air resists the panel's mean deflection with, in N/m: rho c^2 A^2 / V = rho c^2 A / depth. `None` without such air.
     #[must_use]
     pub fn sealed_air_stiffness_if_any_n_per_m(&self) -> Option<f64> {
-        self.sealed_depth_m.map(|depth_m| BULK_MODULUS_PA * self.surface_area_m2() / depth_m)
+        self.sealed_depth_m
+            .map(|depth_m| BULK_MODULUS_PA * self.surface_area_less_cutouts_ignoring_bar_steps_m2() / depth_m)
     }
 }

@@ -128,7 +128,10 @@ impl SurfaceLayout {
     /// Removes borders with the same material on both sides.
     fn remove_redundant_borders(&mut self) {
         for i in (1..self.x_m.len() - 1).rev() {
-            if (0..self.y_m.len() - 1).all(|j| self.layer_in_rectangle(i - 1, j) == self.layer_in_rectangle(i, j)) {
+            if (0..self.y_m.len() - 1).all(|j| {
+                self.layer_in_rectangle_unless_cut_away_or_outside(i - 1, j)
+                    == self.layer_in_rectangle_unless_cut_away_or_outside(i, j)
+            }) {
                 let columns = self.x_m.len() - 1;
                 let mut place = 0;
                 self.parts.retain(|_| {
@@ -140,7 +143,10 @@ impl SurfaceLayout {
         }
         for j in (1..self.y_m.len() - 1).rev() {
             let columns = self.x_m.len() - 1;
-            if (0..columns).all(|i| self.layer_in_rectangle(i, j - 1) == self.layer_in_rectangle(i, j)) {
+            if (0..columns).all(|i| {
+                self.layer_in_rectangle_unless_cut_away_or_outside(i, j - 1)
+                    == self.layer_in_rectangle_unless_cut_away_or_outside(i, j)
+            }) {
                 self.parts.drain(j * columns..(j + 1) * columns);
                 self.y_m.remove(j);
             }
@@ -148,20 +154,20 @@ impl SurfaceLayout {
     }
 
     /// The layer of the rectangle in a column and a row; `None` if it is cut away or beyond the surface.
-    fn layer_in_rectangle(&self, column: usize, row: usize) -> Option<SurfaceLayer> {
+    fn layer_in_rectangle_unless_cut_away_or_outside(&self, column: usize, row: usize) -> Option<SurfaceLayer> {
         let columns = self.x_m.len() - 1;
         if column < columns { self.parts.get(row * columns + column).copied().flatten() } else { None }
     }
 
     /// Borders across x in m, the surface's own first and last.
     #[must_use]
-    pub fn border_lines_x_m(&self) -> &[f64] {
+    pub fn border_lines_and_outer_edges_x_m(&self) -> &[f64] {
         &self.x_m
     }
 
     /// Borders across y in m, the surface's own first and last.
     #[must_use]
-    pub fn border_lines_y_m(&self) -> &[f64] {
+    pub fn border_lines_and_outer_edges_y_m(&self) -> &[f64] {
         &self.y_m
     }
 
@@ -175,7 +181,8 @@ impl SurfaceLayout {
         lines.iter().zip(lines.iter().rev()).all(|(low, high)| (low + high - side).abs() <= SAME_PLACE * side)
             && (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j))).all(|(i, j)| {
                 let (k, l) = image(i, j);
-                self.layer_in_rectangle(i, j) == self.layer_in_rectangle(k, l)
+                self.layer_in_rectangle_unless_cut_away_or_outside(i, j)
+                    == self.layer_in_rectangle_unless_cut_away_or_outside(k, l)
             })
     }
 
@@ -226,7 +233,7 @@ impl SurfaceLayout {
         in_y.iter()
             .rev()
             .flat_map(|j| in_x.iter().rev().map(move |i| (*i, *j)))
-            .find_map(|(i, j)| self.layer_in_rectangle(i, j))
+            .find_map(|(i, j)| self.layer_in_rectangle_unless_cut_away_or_outside(i, j))
     }
 
     /// What is left of a side: from and to in m, along it.
@@ -236,10 +243,10 @@ impl SurfaceLayout {
         let lines = if matches!(side, Side::Left | Side::Right) { &self.y_m } else { &self.x_m };
         let is_left = |k: usize| {
             let part = match side {
-                Side::Left => self.layer_in_rectangle(0, k),
-                Side::Right => self.layer_in_rectangle(last_x, k),
-                Side::Top => self.layer_in_rectangle(k, 0),
-                Side::Bottom => self.layer_in_rectangle(k, last_y),
+                Side::Left => self.layer_in_rectangle_unless_cut_away_or_outside(0, k),
+                Side::Right => self.layer_in_rectangle_unless_cut_away_or_outside(last_x, k),
+                Side::Top => self.layer_in_rectangle_unless_cut_away_or_outside(k, 0),
+                Side::Bottom => self.layer_in_rectangle_unless_cut_away_or_outside(k, last_y),
             };
             part.is_some()
         };
@@ -262,9 +269,11 @@ impl SurfaceLayout {
     }
 
     /// Points where lines cross, those on the surface's border included, with what is around them.
-    pub fn border_vertices(&self) -> impl Iterator<Item = LayoutVertex> {
+    pub fn vertices_at_crossings_of_border_lines(&self) -> impl Iterator<Item = LayoutVertex> {
         // Beyond the last column or row `part` has nothing, as before the first.
-        let part = |i: usize, j: usize| if i == 0 || j == 0 { None } else { self.layer_in_rectangle(i - 1, j - 1) };
+        let part = |i: usize, j: usize| {
+            if i == 0 || j == 0 { None } else { self.layer_in_rectangle_unless_cut_away_or_outside(i - 1, j - 1) }
+        };
         let rows = self.y_m.iter().enumerate();
         rows.flat_map(move |(j, y)| {
             self.x_m.iter().enumerate().map(move |(i, x)| LayoutVertex {
@@ -327,7 +336,7 @@ impl Scene {
 
     /// Area of what is there, in m^2; a bar's is that of its own width, steps or not.
     #[must_use]
-    pub fn surface_area_m2(&self) -> f64 {
+    pub fn surface_area_less_cutouts_ignoring_bar_steps_m2(&self) -> f64 {
         match self.surface.kind {
             SurfaceKind::Plate => self.layout().areas_or_bar_lengths_with_layers().map(|(area, _)| area).sum(),
             SurfaceKind::Bar => self.surface.length_m * self.surface.width_m,
@@ -394,7 +403,7 @@ mod tests {
     fn later_patches_lie_over_earlier_ones() {
         let layout = build_layout(&[(0.0, 0.0, 3.0, 2.0, 2e-3), (0.5, 0.5, 2.0, 1.0, 1e-3)], &[(2.5, 0.0, 0.5, 0.5)]);
         assert_eq!(
-            (layout.border_lines_x_m(), layout.border_lines_y_m()),
+            (layout.border_lines_and_outer_edges_x_m(), layout.border_lines_and_outer_edges_y_m()),
             (&[0.0, 0.5, 2.5, 3.0][..], &[0.0, 0.5, 1.5, 2.0][..])
         );
         assert_eq!(layout.layer_at_unless_cut_out(0.1, 0.1).unwrap().thickness_m, 2e-3);
@@ -411,7 +420,7 @@ mod tests {
         assert!(build_layout(&[(0.2, 0.3, 1.0, 1.0, 1e-3)], &[]).is_one_rectangle_of_one_layer());
         assert!(build_layout(&[(0.0, 0.0, 3.0, 2.0, 5e-3)], &[]).is_one_rectangle_of_one_layer());
         let twice = build_layout(&[(0.0, 0.0, 1.0, 2.0, 2e-3), (1.0, 0.0, 1.0, 2.0, 2e-3)], &[]);
-        assert_eq!(twice.border_lines_x_m(), &[0.0, 2.0, 3.0]);
+        assert_eq!(twice.border_lines_and_outer_edges_x_m(), &[0.0, 2.0, 3.0]);
     }
 
     #[test]
@@ -421,6 +430,6 @@ mod tests {
         assert_eq!(build_layout(&[], &[(0.0, 0.0, 3.0, 2.0)]).count_connected_pieces(), 0);
         let diagonal = build_layout(&[], &[(0.0, 0.0, 1.0, 1.0), (1.0, 1.0, 2.0, 1.0)]);
         assert_eq!(diagonal.count_connected_pieces(), 2);
-        assert!(diagonal.border_vertices().any(|vertex| vertex.is_pinch_point()));
+        assert!(diagonal.vertices_at_crossings_of_border_lines().any(|vertex| vertex.is_pinch_point()));
     }
 }

@@ -10,7 +10,7 @@ use super::ranges::{
     DENSITY_KG_M3, LOSS_FACTOR, POISSON_RATIO, SurfaceSize, THICKNESS_MM, YOUNGS_MODULUS_PA, allowed_mm_along_side,
 };
 use super::read::{self, AllowedNumbers, MistakeReport, SceneError, TomlSection};
-use super::rectangles::{read_cutouts, read_patches};
+use super::rectangles::{read_cutouts, read_patches_or_report_them_on_layered_surface};
 use super::{
     Actuator, ChargingTimes, DEFAULT_CABLE_CAPACITANCE_F, DEFAULT_PRESS_N, Edge, EdgeKind, Finger, MOST_PRESS_N, Mass,
     Material, Mount, Scene, Screen, Side, Support, Surface, SurfaceDamping, SurfaceKind,
@@ -75,7 +75,7 @@ fn read_all_tables_unless_surface_missing(file: &TomlSection<'_, '_>) -> Option<
     let kind = surface.as_ref().map_or(SurfaceKind::Plate, |surface| surface.kind);
     let (length_m, width_m) = surface.as_ref().map_or((f64::NAN, f64::NAN), |s| (s.length_m, s.width_m));
     let mut size = SurfaceSize { kind, length_m, width_m, left: None };
-    let patches = read_patches(file.read_tables("patch"), surface.as_ref(), &size);
+    let patches = read_patches_or_report_them_on_layered_surface(file.read_tables("patch"), surface.as_ref(), &size);
     let cutouts = read_cutouts(file.read_tables("cutout"), surface.as_ref(), &size);
     size.left =
         surface.as_ref().filter(|_| !cutouts.is_empty()).map(|surface| SurfaceLayout::new(surface, &[], &cutouts));

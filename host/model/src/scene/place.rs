@@ -1,7 +1,7 @@
 //! Places on the surface, and lines over it from edge to edge.
 //!
 //! Arithmetic takes a coordinate beyond an edge by a rounding: 0.36 * 48 / 48 is 0.36000000000000004. So every place that
-//! comes from outside or is computed passes [`Scene::surface_point_at`], and every grid is made by [`equidistant_numbers`].
+//! comes from outside or is computed passes [`Scene::surface_or_bar_axis_point_outside_cutouts`], and every grid is made by [`equidistant_numbers`].
 
 use super::{Scene, Surface, SurfaceKind};
 
@@ -9,7 +9,7 @@ use super::{Scene, Surface, SurfaceKind};
 /// and a nanometre on a panel of 1 m.
 pub const ROUNDING: f64 = 1e-9;
 
-/// A place on the surface's rectangle in m, edges included: made by [`Surface::surface_point_on_rectangle_even_in_cutout`] and [`Scene::surface_point_at`] alone. On a bar it
+/// A place on the surface's rectangle in m, edges included: made by [`Surface::surface_or_bar_axis_point_even_in_cutout`] and [`Scene::surface_or_bar_axis_point_outside_cutouts`] alone. On a bar it
 /// is on the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
@@ -113,7 +113,7 @@ impl Surface {
     ///
     /// # Errors
     /// [`PlaceError::Outside`].
-    pub fn surface_point_on_rectangle_even_in_cutout(&self, x_m: f64, y_m: f64) -> Result<SurfacePoint, PlaceError> {
+    pub fn surface_or_bar_axis_point_even_in_cutout(&self, x_m: f64, y_m: f64) -> Result<SurfacePoint, PlaceError> {
         let x_m = check_and_snap_coordinate_along_side("x_mm", x_m, self.length_m)?;
         let y_m = check_and_snap_coordinate_along_side("y_mm", y_m, self.width_m)?;
         Ok(match self.kind {
@@ -126,7 +126,7 @@ impl Surface {
 impl Scene {
     /// Columns and rows of a grid in m, border to border; a bar has one row, its axis.
     #[must_use]
-    pub fn surface_grid_lines_m(&self, (columns, rows): (usize, usize)) -> (Vec<f64>, Vec<f64>) {
+    pub fn surface_grid_lines_or_bar_axis_line_m(&self, (columns, rows): (usize, usize)) -> (Vec<f64>, Vec<f64>) {
         let rows = if self.surface.kind == SurfaceKind::Bar { 1 } else { rows };
         (equidistant_numbers(0.0, self.surface.length_m, columns), equidistant_numbers(0.0, self.surface.width_m, rows))
     }
@@ -135,8 +135,8 @@ impl Scene {
     ///
     /// # Errors
     /// [`PlaceError`] beyond an edge and inside of a cut-out.
-    pub fn surface_point_at(&self, x_m: f64, y_m: f64) -> Result<SurfacePoint, PlaceError> {
-        let place = self.surface.surface_point_on_rectangle_even_in_cutout(x_m, y_m)?;
+    pub fn surface_or_bar_axis_point_outside_cutouts(&self, x_m: f64, y_m: f64) -> Result<SurfacePoint, PlaceError> {
+        let place = self.surface.surface_or_bar_axis_point_even_in_cutout(x_m, y_m)?;
         match self.cutout_number_counted_from_1_at(place.x_m, place.y_m) {
             None => Ok(place),
             Some(cutout) => Err(PlaceError::Cutout {
@@ -179,32 +179,32 @@ mod tests {
             let width = surface.width_m;
             for (x, y) in [(side.next_up(), -1e-17), (side * 48.0 / 48.0, 0.0), (side * 1e3 / 1e3, -0.0)] {
                 assert_eq!(
-                    surface.surface_point_on_rectangle_even_in_cutout(x, y).unwrap().coordinates_m(),
+                    surface.surface_or_bar_axis_point_even_in_cutout(x, y).unwrap().coordinates_m(),
                     (side, 0.0)
                 );
             }
             assert_eq!(
                 surface
-                    .surface_point_on_rectangle_even_in_cutout(-1e-10 * side, width.next_down())
+                    .surface_or_bar_axis_point_even_in_cutout(-1e-10 * side, width.next_down())
                     .unwrap()
                     .coordinates_m(),
                 (0.0, width)
             );
             assert_eq!(
-                surface.surface_point_on_rectangle_even_in_cutout(0.3 * side, 0.7 * width).unwrap().coordinates_m(),
+                surface.surface_or_bar_axis_point_even_in_cutout(0.3 * side, 0.7 * width).unwrap().coordinates_m(),
                 (0.3 * side, 0.7 * width)
             );
             assert!(
-                surface.surface_point_on_rectangle_even_in_cutout(side * (1.0 + 1e-8), 0.0).is_err()
-                    && surface.surface_point_on_rectangle_even_in_cutout(0.0, -1e-8 * side).is_err()
+                surface.surface_or_bar_axis_point_even_in_cutout(side * (1.0 + 1e-8), 0.0).is_err()
+                    && surface.surface_or_bar_axis_point_even_in_cutout(0.0, -1e-8 * side).is_err()
             );
         }
         assert!(
-            surface.surface_point_on_rectangle_even_in_cutout(f64::NAN, 0.0).is_err()
-                && surface.surface_point_on_rectangle_even_in_cutout(0.0, f64::INFINITY).is_err()
+            surface.surface_or_bar_axis_point_even_in_cutout(f64::NAN, 0.0).is_err()
+                && surface.surface_or_bar_axis_point_even_in_cutout(0.0, f64::INFINITY).is_err()
         );
         surface.length_m = 0.36;
-        let error = surface.surface_point_on_rectangle_even_in_cutout(0.3601, 0.0).unwrap_err();
+        let error = surface.surface_or_bar_axis_point_even_in_cutout(0.3601, 0.0).unwrap_err();
         assert_eq!(error.to_string(), "x_mm is 360.1, but must be 0 to 360");
     }
 
@@ -213,10 +213,10 @@ mod tests {
         let mut surface = Scene::parse("plate", STARTING_PLATE).unwrap().surface;
         surface.kind = SurfaceKind::Bar;
         assert_eq!(
-            surface.surface_point_on_rectangle_even_in_cutout(0.1, 0.0).unwrap().coordinates_m(),
+            surface.surface_or_bar_axis_point_even_in_cutout(0.1, 0.0).unwrap().coordinates_m(),
             (0.1, surface.width_m / 2.0)
         );
-        assert!(surface.surface_point_on_rectangle_even_in_cutout(0.1, 2.0 * surface.width_m).is_err());
+        assert!(surface.surface_or_bar_axis_point_even_in_cutout(0.1, 2.0 * surface.width_m).is_err());
     }
 
     #[test]

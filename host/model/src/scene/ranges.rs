@@ -29,7 +29,7 @@ pub(super) struct SurfaceSize {
 impl SurfaceSize {
     /// Where something is attached, in m: both coordinates, and not in a cut-out.
     pub fn read_position_m_and_report_if_in_cutout(&self, section: &TomlSection<'_, '_>) -> (f64, f64) {
-        let (x_m, y_m) = (self.read_x_m(section), self.read_attachment_y_or_that_of_bar_axis_m(section));
+        let (x_m, y_m) = (self.read_x_m(section), self.read_y_or_ignore_it_and_take_bar_axis_m(section));
         let is_nowhere = self.left.as_ref().is_some_and(|left| left.layer_at_unless_cut_out(x_m, y_m).is_none());
         if is_nowhere && x_m.is_finite() && y_m.is_finite() {
             let text = format!(
@@ -50,16 +50,16 @@ impl SurfaceSize {
 
     /// Reads the x coordinate in m.
     pub fn read_x_m(&self, section: &TomlSection<'_, '_>) -> f64 {
-        snap_mm_to_side_m(
+        convert_mm_to_m_and_snap_to_ends_of_side(
             section.read_required_number_or_nan("x_mm", allowed_mm_along_side(self.length_m)),
             self.length_m,
         )
     }
 
     /// A bar's attachments lie on its axis, whatever y is given.
-    pub fn read_attachment_y_or_that_of_bar_axis_m(&self, section: &TomlSection<'_, '_>) -> f64 {
+    pub fn read_y_or_ignore_it_and_take_bar_axis_m(&self, section: &TomlSection<'_, '_>) -> f64 {
         match self.kind {
-            SurfaceKind::Plate => snap_mm_to_side_m(
+            SurfaceKind::Plate => convert_mm_to_m_and_snap_to_ends_of_side(
                 section.read_required_number_or_nan("y_mm", allowed_mm_along_side(self.width_m)),
                 self.width_m,
             ),
@@ -72,7 +72,7 @@ impl SurfaceSize {
 }
 
 /// A position in mm that has been looked at, in m; on the edge if it is within rounding of it.
-fn snap_mm_to_side_m(at_mm: f64, side_m: f64) -> f64 {
+fn convert_mm_to_m_and_snap_to_ends_of_side(at_mm: f64, side_m: f64) -> f64 {
     check_and_snap_coordinate_along_side("", at_mm / 1e3, side_m).unwrap_or_else(|_| (at_mm / 1e3).min(side_m))
 }
 

@@ -114,10 +114,10 @@ impl<'t> MistakeReport<'t> {
 
     /// Adds a mistake in the line of a byte range.
     pub fn add_mistake_at(&self, at: &Range<usize>, text: impl Into<String>) {
-        self.record_mistake_at(at, FileMistake { text: text.into(), ..FileMistake::default() });
+        self.append_mistake_filling_in_line_number(at, FileMistake { text: text.into(), ..FileMistake::default() });
     }
 
-    fn record_mistake_at(&self, at: &Range<usize>, mistake: FileMistake) {
+    fn append_mistake_filling_in_line_number(&self, at: &Range<usize>, mistake: FileMistake) {
         self.mistakes.borrow_mut().push(FileMistake { line: self.line_number_at(at.start), ..mistake });
     }
 
@@ -214,7 +214,7 @@ pub fn describe_toml_syntax_mistake(text: &str, line: usize, message: &str) -> S
 }
 
 /// A table that must be there, with the line that begins it: `layer[2].material` begins with `[layer.material]`.
-fn describe_table_as_written(path: &str) -> String {
+fn describe_table_and_how_to_write_its_header(path: &str) -> String {
     let Some((list, rest)) = path.split_once('[') else { return format!("a table, written [{path}]") };
     let key = rest.split_once(']').map_or(rest, |(_, key)| key);
     format!("a table, written [{list}{key}] below its [[{list}]]")
@@ -282,14 +282,14 @@ impl<'r, 't> TomlSection<'r, 't> {
     fn report_missing_key(&self, key: &'static str, wanted: &str) {
         let (field, allowed) = (self.key_with_path(key), wanted.to_owned());
         let text = format!("{field} is missing, but must be {wanted}");
-        self.report.record_mistake_at(
+        self.report.append_mistake_filling_in_line_number(
             &self.at,
             FileMistake { text, field: Some(field), allowed: Some(allowed), ..FileMistake::default() },
         );
     }
 
     fn report_wrong_type(&self, key: &'static str, value: &DeValue<'_>, wanted: &str) {
-        self.report_wrong_value(key, describe_value(value), wanted);
+        self.report_wrong_value(key, format_value_but_only_name_lists_and_tables(value), wanted);
     }
 
     /// Reports that a key's value is not what is wanted.
@@ -298,7 +298,7 @@ impl<'r, 't> TomlSection<'r, 't> {
         let text = format!("{field} is {value}, but must be {wanted}");
         let mistake =
             FileMistake { line: 0, text, field: Some(field), value: Some(value), allowed: Some(wanted.to_owned()) };
-        self.report.record_mistake_at(&self.byte_range_of_value_or_section(key), mistake);
+        self.report.append_mistake_filling_in_line_number(&self.byte_range_of_value_or_section(key), mistake);
     }
 
     /// A number, required. `NaN` stands in for a wrong one, so that reading goes on.
@@ -460,7 +460,7 @@ impl<'r, 't> TomlSection<'r, 't> {
     /// A table that must be there.
     pub fn read_required_table(&self, key: &'static str) -> Option<TomlSection<'r, 't>> {
         if !self.table.contains_key(key) {
-            self.report_missing_key(key, &describe_table_as_written(&self.key_with_path(key)));
+            self.report_missing_key(key, &describe_table_and_how_to_write_its_header(&self.key_with_path(key)));
         }
         self.read_table_if_given_and_a_table(key)
     }
@@ -537,12 +537,12 @@ fn format_value_with_lists(value: &DeValue<'_>) -> String {
                 list.iter().map(|entry| format_value_with_lists(entry.get_ref())).collect::<Vec<_>>().join(", ")
             )
         }
-        value => describe_value(value),
+        value => format_value_but_only_name_lists_and_tables(value),
     }
 }
 
 /// A value as messages show it.
-fn describe_value(value: &DeValue<'_>) -> String {
+fn format_value_but_only_name_lists_and_tables(value: &DeValue<'_>) -> String {
     match value {
         DeValue::String(text) => format!("{text:?}"),
         DeValue::Integer(integer) => integer.as_str().into(),

@@ -13,7 +13,11 @@ use super::{Material, Surface, SurfaceKind};
 const LEAST_SIDE_MM: f64 = 0.1;
 
 /// Where a rectangle begins and how long it is along one side, in m.
-fn read_start_and_extent_m(section: &TomlSection<'_, '_>, keys: [&'static str; 2], side_m: f64) -> (f64, f64) {
+fn read_start_and_extent_m_and_report_end_beyond_side(
+    section: &TomlSection<'_, '_>,
+    keys: [&'static str; 2],
+    side_m: f64,
+) -> (f64, f64) {
     let start = section.read_required_number_or_nan(keys[0], allowed_mm_along_side(side_m)) / 1e3;
     let longest = if side_m.is_nan() {
         AllowedNumbers::Positive
@@ -34,7 +38,7 @@ fn read_start_and_extent_m(section: &TomlSection<'_, '_>, keys: [&'static str; 2
 }
 
 /// Reads all `[[patch]]`.
-pub(super) fn read_patches(
+pub(super) fn read_patches_or_report_them_on_layered_surface(
     sections: Vec<TomlSection<'_, '_>>,
     surface: Option<&Surface>,
     size: &SurfaceSize,
@@ -52,9 +56,12 @@ pub(super) fn read_patches(
 }
 
 fn read_patch(section: TomlSection<'_, '_>, surface: Option<&Surface>, size: &SurfaceSize) -> Patch {
-    let (x_m, length_m) = read_start_and_extent_m(&section, ["x_mm", "length_mm"], size.length_m);
+    let (x_m, length_m) =
+        read_start_and_extent_m_and_report_end_beyond_side(&section, ["x_mm", "length_mm"], size.length_m);
     let (y_m, width_m) = match size.kind {
-        SurfaceKind::Plate => read_start_and_extent_m(&section, ["y_mm", "width_mm"], size.width_m),
+        SurfaceKind::Plate => {
+            read_start_and_extent_m_and_report_end_beyond_side(&section, ["y_mm", "width_mm"], size.width_m)
+        }
         SurfaceKind::Bar => {
             let width = section.read_optional_number_or_nan(
                 "width_mm",
@@ -110,8 +117,10 @@ pub(super) fn read_cutouts(
             );
             return Vec::new();
         }
-        let (x_m, length_m) = read_start_and_extent_m(&section, ["x_mm", "length_mm"], size.length_m);
-        let (y_m, width_m) = read_start_and_extent_m(&section, ["y_mm", "width_mm"], size.width_m);
+        let (x_m, length_m) =
+            read_start_and_extent_m_and_report_end_beyond_side(&section, ["x_mm", "length_mm"], size.length_m);
+        let (y_m, width_m) =
+            read_start_and_extent_m_and_report_end_beyond_side(&section, ["y_mm", "width_mm"], size.width_m);
         section.report_unknown_keys();
         let cutout = Cutout { x_m, y_m, length_m, width_m };
         if [x_m, y_m, length_m, width_m].iter().any(|number| number.is_nan()) {
@@ -131,7 +140,9 @@ pub(super) fn read_cutouts(
 
 /// What is wrong with the surface that cut-outs leave; `None` if nothing is.
 fn describe_cutout_problem_if_any(remaining_layout: &SurfaceLayout) -> Option<String> {
-    if let Some(vertex) = remaining_layout.border_vertices().find(|vertex| vertex.is_pinch_point()) {
+    if let Some(vertex) =
+        remaining_layout.vertices_at_crossings_of_border_lines().find(|vertex| vertex.is_pinch_point())
+    {
         let (x, y) = vertex.at;
         return Some(format!(
             "leaves parts of the surface that touch only at the point ({}, {}) mm, but these parts must be connected \

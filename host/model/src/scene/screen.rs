@@ -91,6 +91,6 @@ impl Scene {
     /// [`PixelError`] where there is no screen, or no surface.
     pub fn surface_point_at_px(&self, x_px: f64, y_px: f64) -> Result<SurfacePoint, PixelError> {
         let (x_m, y_m) = self.screen.convert_px_to_surface_m(x_px, y_px)?;
-        Ok(self.surface_point_at(x_m, y_m)?)
+        Ok(self.surface_or_bar_axis_point_outside_cutouts(x_m, y_m)?)
     }
 }

@@ -23,7 +23,7 @@ pub fn compute_displacements_by_thesis_eigenvectors_row_per_time(
     drives: &[HarmonicForce],
     grid: TimeGrid,
 ) -> Result<DMatrix<f64>, TransientError> {
-    system.check_sizes_numbers_and_symmetry()?;
+    system.check_sizes_numbers_and_symmetry_of_mass_and_stiffness()?;
     check_time_grid(grid)?;
     let n = system.count_unknowns();
     check_initial_state(initial, n)?;

@@ -119,7 +119,7 @@ pub fn compute_motion_after_switch_on(
 ) -> Result<PointMotion, MotionError> {
     let modelled_hz = SWITCHED_ON * highest_drive_frequency_but_at_least_1_hz(drives);
     let model = PanelModel::build(scene, accuracy, modelled_hz)?
-        .reduce_with_residual_shapes_of_actuators_and_points(modelled_hz, &[at])?;
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(modelled_hz, &[at])?;
     Ok(compute_point_motion(&model, &model.shape_deflections_at(at.0, at.1), drives, grid)?)
 }
 
@@ -142,7 +142,7 @@ impl PointMotion {
     #[must_use]
     pub fn settling_time_if_single_drive_settles_s(&self, drives: &[SwitchedForce]) -> Option<f64> {
         match drives {
-            [drive] => self.settling_time_if_settled_within_tolerance_s(drive.frequency_hz, SETTLED),
+            [drive] => self.settling_time_of_period_peaks_if_settled_and_resolved_s(drive.frequency_hz, SETTLED),
             _ => None,
         }
     }
@@ -151,7 +151,7 @@ impl PointMotion {
     /// `tolerance_fraction` of the steady one. `None` if it does not settle in this time, or if periods have too few steps to tell.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-    pub fn settling_time_if_settled_within_tolerance_s(
+    pub fn settling_time_of_period_peaks_if_settled_and_resolved_s(
         &self,
         frequency_hz: f64,
         tolerance_fraction: f64,
@@ -246,7 +246,7 @@ mod tests {
         let scene = Scene::parse("plate", STARTING_PLATE).unwrap();
         let model = PanelModel::build(&scene, Accuracy::FAST, 150.0)
             .unwrap()
-            .reduce_with_residual_shapes_of_actuators_and_points(150.0, &[])
+            .reduce_with_residual_shapes_of_actuators_damping_and_points(150.0, &[])
             .unwrap();
         let shape = model.shape_deflections_at(0.1, 0.06);
         let hz = 126.0;
@@ -262,7 +262,7 @@ mod tests {
         );
         let late = motion.acceleration_m_per_s2[18_000..].iter().fold(0.0_f64, |most, a| most.max(a.abs()));
         assert!((late / motion.steady_peak_m_per_s2 - 1.0).abs() < 0.01, "{late}");
-        let settled = motion.settling_time_if_settled_within_tolerance_s(hz, 0.1).unwrap();
+        let settled = motion.settling_time_of_period_peaks_if_settled_and_resolved_s(hz, 0.1).unwrap();
         assert!(settled > 0.005 && settled < 1.0, "{settled}");
         assert!(motion.displacement_m[0].abs() < 1e-15);
     }

@@ -24,7 +24,7 @@ pub struct Propagator {
     pub(super) grid: TimeGrid,
     pub(super) kind: PropagatorKind,
     system: SecondOrderSystem,
-    /// The factor c of the bound c k u, see [`Propagator::relative_round_off_bound_at_index`].
+    /// The factor c of the bound c k u, see [`Propagator::round_off_bound_relative_to_initial_motion_at_index`].
     units_per_step: f64,
 }
 
@@ -40,7 +40,7 @@ impl Propagator {
     /// # Errors
     /// Sizes, numbers, symmetry of M and K, mass in every direction.
     pub fn new(system: &SecondOrderSystem, grid: TimeGrid) -> Result<Self, TransientError> {
-        system.check_sizes_numbers_and_symmetry()?;
+        system.check_sizes_numbers_and_symmetry_of_mass_and_stiffness()?;
         check_time_grid(grid)?;
         let coordinates = MassCoordinates::new(system)?;
         #[expect(clippy::cast_precision_loss, reason = "a dense matrix's size")]
@@ -78,7 +78,7 @@ impl Propagator {
     /// whatever block they were taken in, as squaring doubles the error of what it squares. Linear in time. Errors of the
     /// given matrices themselves, w t u in phase, come on top and are of the problem, not of the recurrence.
     #[must_use]
-    pub fn relative_round_off_bound_at_index(&self, index: usize) -> f64 {
+    pub fn round_off_bound_relative_to_initial_motion_at_index(&self, index: usize) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "at most MOST_TIMES")]
         let steps = index as f64 + 1.0;
         let unit = 0.5 * f64::EPSILON;
@@ -201,7 +201,7 @@ impl Propagator {
         let force = |drive: &HarmonicForce| (drive.omega_rad_s, coordinates.back.tr_mul(&drive.force_n));
         let forces: Vec<_> = drives.iter().map(force).collect();
         let (state, amplitudes) = StateSpace::new(&coordinates, last_time_but_at_least_one_step_s(self.grid))?
-            .append_phasor_states_and_get_start_amplitudes(&forces);
+            .append_phasor_states_and_get_one_start_amplitude_per_drive(&forces);
         let to = |vector: &DVector<f64>| &coordinates.to * vector;
         let mut z = state.build_state(&to(&initial.displacement), &to(&initial.velocity));
         for (i, (drive, amplitude)) in drives.iter().zip(amplitudes).enumerate() {

@@ -51,7 +51,7 @@ pub fn with_viscous_damping_if_hysteretic(model: &ReducedModel) -> Option<Reduce
 /// The model with the damping and the modes that it has in time (those up to 200 kHz), for the frequency
 /// domain; `None` if all of its modes are stepped. Those left out have no force and no coupling, and stay at rest.
 #[must_use]
-pub fn make_viscous_and_silence_modes_too_fast_to_step_if_any(model: &ReducedModel) -> Option<ReducedModel> {
+pub fn make_viscous_and_silence_fast_modes_unless_all_modes_are_slow(model: &ReducedModel) -> Option<ReducedModel> {
     let left_out: Vec<usize> =
         (0..model.count_coordinates()).filter(|i| !is_mode_slow_enough_to_step(model.lambda[*i])).collect();
     if left_out.is_empty() {

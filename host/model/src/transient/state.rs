@@ -69,7 +69,10 @@ impl StateSpace {
 
     /// With two more states per harmonic force, its phasor, which the forces follow: no steady state is needed. `drives`
     /// are angular frequency and the force on p. Returns the amplitude at which each phasor must start.
-    pub fn append_phasor_states_and_get_start_amplitudes(mut self, drives: &[(f64, DVector<f64>)]) -> (Self, Vec<f64>) {
+    pub fn append_phasor_states_and_get_one_start_amplitude_per_drive(
+        mut self,
+        drives: &[(f64, DVector<f64>)],
+    ) -> (Self, Vec<f64>) {
         let n = self.count_unknowns();
         let size = 2 * n + 2 * drives.len();
         let norm = super::exponential::largest_column_sum_of_magnitudes(&self.a).max(f64::MIN_POSITIVE);

@@ -18,7 +18,7 @@ pub fn solve_steady_state(
     system: &SecondOrderSystem,
     drive: &HarmonicForce,
 ) -> Result<DVector<Complex64>, TransientError> {
-    system.check_sizes_numbers_and_symmetry()?;
+    system.check_sizes_numbers_and_symmetry_of_mass_and_stiffness()?;
     super::system::check_harmonic_force(drive, system.count_unknowns())?;
     solve_steady_state_of_already_checked_system(system, drive)
 }

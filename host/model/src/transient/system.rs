@@ -20,7 +20,7 @@ impl SecondOrderSystem {
     }
 
     /// Checks sizes, numbers and symmetry of the matrices.
-    pub(super) fn check_sizes_numbers_and_symmetry(&self) -> Result<(), TransientError> {
+    pub(super) fn check_sizes_numbers_and_symmetry_of_mass_and_stiffness(&self) -> Result<(), TransientError> {
         let n = self.count_unknowns();
         for (what, matrix) in [("m", &self.m), ("c", &self.c), ("k", &self.k)] {
             check_shape_and_finiteness(what, matrix, n, n)?;

@@ -194,7 +194,8 @@ fn modes_left_out_take_part_through_the_air() {
     let scene = scene.force(0.3, 0.5);
     let series = Series::bar(&scene, [0.3, 0.71]);
     let model = PanelModel::build(&sealed(scene, 0.5).scene(), Accuracy::BALANCED, 400.0).unwrap();
-    let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(400.0, &[(0.71 * 0.25, 0.01)]).unwrap();
+    let reduced =
+        model.reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[(0.71 * 0.25, 0.01)]).unwrap();
     let (stiffness, shape) = (BULK_PA * 0.005 / 0.5e-3, reduced.shape_deflections_at(0.71 * 0.25, 0.01));
     for hz in [23.0, 110.0, 287.0, 400.0] {
         let (found, wanted) = (
@@ -230,12 +231,12 @@ fn air_takes_no_power() {
     );
     let model = PanelModel::build(&scene.scene(), Accuracy::BALANCED, 400.0)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[])
         .unwrap();
     let lossless = sealed(SceneText::plate(0.3, 0.2, 0.3).corner_springs(2e3).force(0.31, 0.42), 15.0);
     let still = PanelModel::build(&lossless.scene(), Accuracy::BALANCED, 400.0)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[])
         .unwrap();
     let shape = |model: &era_model::model::ReducedModel| model.shape_deflections_at(0.31 * 0.3, 0.42 * 0.2);
     for hz in [23.0, 110.0, 287.0] {

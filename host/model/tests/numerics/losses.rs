@@ -15,7 +15,7 @@ fn model(scene: &SceneText, max_hz: f64) -> PanelModel {
 }
 
 fn reduced(scene: &SceneText, max_hz: f64) -> ReducedModel {
-    model(scene, max_hz).reduce_with_residual_shapes_of_actuators_and_points(max_hz, &[]).unwrap()
+    model(scene, max_hz).reduce_with_residual_shapes_of_actuators_damping_and_points(max_hz, &[]).unwrap()
 }
 
 /// A panel so thick that it stays straight: all of a mode's energy is in the springs.

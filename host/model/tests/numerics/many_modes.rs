@@ -50,7 +50,8 @@ fn hundreds_of_modes_beside_slow_ones_are_found() {
     let found = [Accuracy::FAST, Accuracy::REFERENCE].map(|accuracy| {
         let model = PanelModel::build(&scene, accuracy, 400.0).unwrap();
         assert!(
-            model.reduce_with_residual_shapes_of_actuators_and_points(400.0, &[]).unwrap().count_coordinates() > 100
+            model.reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[]).unwrap().count_coordinates()
+                > 100
         );
         model
             .compute_mode_frequencies_and_poles(400.0)

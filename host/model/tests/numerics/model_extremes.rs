@@ -12,7 +12,7 @@ fn modes(scene: &SceneText, max_hz: f64) -> Vec<f64> {
 fn reduced(scene: &SceneText, max_hz: f64) -> ReducedModel {
     PanelModel::build(&scene.scene(), Accuracy::FAST, max_hz)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(max_hz, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(max_hz, &[])
         .unwrap()
 }
 

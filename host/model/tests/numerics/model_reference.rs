@@ -170,7 +170,7 @@ fn static_deflection_under_a_point_load() {
     let scene = SceneText::plate(0.3, 0.3, 0.3).all_edges("pinned").force(0.5, 0.5);
     let reduced = PanelModel::build(&scene.scene(), Accuracy::BALANCED, 400.0)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[])
         .unwrap();
     let hz = 0.01;
     let q = response::solve_coordinates_per_newton_at_frequency(&reduced, hz).unwrap();

@@ -256,7 +256,7 @@ fn rigid_motion_has_the_panels_mass() {
         model.compute_mode_frequencies_and_poles(100.0).unwrap().iter().filter(|mode| mode.frequency_hz == 0.0).count(),
         3
     );
-    let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(100.0, &[]).unwrap();
+    let reduced = model.reduce_with_residual_shapes_of_actuators_damping_and_points(100.0, &[]).unwrap();
     let curves =
         compute_acceleration_curves_per_newton(&reduced, &reduced.shape_deflections_at(0.15, 0.1), &[0.0]).unwrap();
     assert!((curves[0][0].re * mass - 1.0).abs() < 1e-9, "{curves:?} {mass}");
@@ -347,7 +347,7 @@ fn attachments_on_borders_have_bounds_that_hold() {
                 let bound = found.bounds[k].limit_if_known().unwrap();
                 assert!(error <= bound && bound < 1e-2, "mode {k}: {error:e} {bound:e}\n{}", cut.text());
             }
-            let reduced = model.reduce_with_residual_shapes_of_actuators_and_points(400.0, &[at]).unwrap();
+            let reduced = model.reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[at]).unwrap();
             let exact = &compute_acceleration_curves_per_newton(
                 &reduced,
                 &reduced.shape_deflections_at(at.0, at.1),

@@ -2,7 +2,7 @@
 
 use crate::scenes::SceneText;
 use era_model::model::damping::DampingMatrices;
-use era_model::model::poles::{Pole, compute_poles_of_first_modes_if_solvable};
+use era_model::model::poles::{Pole, compute_poles_of_followed_modes_if_solvable};
 use era_model::model::{Accuracy, PanelMode, compute_modes_with_error_bounds};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
@@ -12,7 +12,7 @@ fn build_damping(viscous: DMatrix<f64>, structural: DMatrix<f64>) -> DampingMatr
 }
 
 fn follow_poles(lambda: &[f64], viscous: DMatrix<f64>, structural: DMatrix<f64>) -> Vec<Pole> {
-    compute_poles_of_first_modes_if_solvable(lambda, &build_damping(viscous, structural), lambda.len(), lambda.len())
+    compute_poles_of_followed_modes_if_solvable(lambda, &build_damping(viscous, structural), lambda.len(), lambda.len())
         .unwrap()
 }
 

@@ -9,7 +9,7 @@ use std::f64::consts::{PI, TAU};
 fn reduced(scene: &SceneText, max_hz: f64) -> ReducedModel {
     PanelModel::build(&scene.scene(), Accuracy::BALANCED, max_hz)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(max_hz, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(max_hz, &[])
         .unwrap()
 }
 
@@ -139,7 +139,7 @@ fn reduction_loses_little() {
     let small = reduced(&scene, 400.0);
     let large = PanelModel::build(&scene.scene(), Accuracy::REFERENCE, 1500.0)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(1500.0, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(1500.0, &[])
         .unwrap();
     for (x, y) in [(0.075, 0.1), (0.29, 0.19), (0.1, 0.02)] {
         for actuator in 0..3 {

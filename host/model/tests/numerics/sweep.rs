@@ -14,7 +14,7 @@ use proptest::prelude::*;
 fn reduced(scene: &Scene) -> ReducedModel {
     PanelModel::build(scene, Accuracy::FAST, 400.0)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[])
         .unwrap()
 }
 
@@ -113,7 +113,7 @@ fn against_points<T: Arithmetic + Into<f64>>(scene: &Scene, nx: u32, ny: u32) ->
         }
     }
     let all = 4 * x_m.len() * y_m.len() * model.count_coordinates();
-    (worst / largest, shapes.count_operations_per_frequency_and_actuator() as f64 / all as f64)
+    (worst / largest, shapes.count_multiplications_and_additions_per_frequency_and_actuator() as f64 / all as f64)
 }
 
 /// Twice symmetric, with both ERAs on the centre line: a quarter of the points, and half of the coordinates stay at rest.

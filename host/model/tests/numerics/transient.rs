@@ -423,7 +423,7 @@ fn round_off_stays_below_its_bound() {
                     MotionQuantity::Displacement,
                 )
                 .unwrap();
-            let bound = propagator.relative_round_off_bound_at_index(grid.count - 1);
+            let bound = propagator.round_off_bound_relative_to_initial_motion_at_index(grid.count - 1);
             (out.row(grid.count - 1).transpose(), bound)
         };
         let ((found, bound), (direct, _)) = (get(fine), get(coarse));

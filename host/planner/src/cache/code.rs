@@ -70,18 +70,22 @@ pub fn list_files_of_package_and_dependencies_to_hash(package_folder: &Path) -> 
             return Err(io::Error::other(text));
         };
         for part in READ {
-            collect_files_below(package_folder, &Path::new(folder).join(part), &mut files)?;
+            append_files_below_as_paths_relative_to_root(package_folder, &Path::new(folder).join(part), &mut files)?;
         }
     }
     files.sort();
     Ok(files)
 }
 
-fn collect_files_below(root: &Path, folder_or_file: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
+fn append_files_below_as_paths_relative_to_root(
+    root: &Path,
+    folder_or_file: &Path,
+    files: &mut Vec<PathBuf>,
+) -> io::Result<()> {
     let full = root.join(folder_or_file);
     if full.is_dir() {
         for entry in fs::read_dir(full)? {
-            collect_files_below(root, &folder_or_file.join(entry?.file_name()), files)?;
+            append_files_below_as_paths_relative_to_root(root, &folder_or_file.join(entry?.file_name()), files)?;
         }
     } else if full.exists() {
         files.push(folder_or_file.to_owned());
@@ -97,7 +101,7 @@ fn collect_files_below(root: &Path, folder_or_file: &Path, files: &mut Vec<PathB
 pub fn hash_source_code(
     package_folder: &Path,
     files: &[PathBuf],
-    variables: impl Iterator<Item = (String, String)>,
+    unfiltered_variables: impl Iterator<Item = (String, String)>,
     compiler: &str,
 ) -> io::Result<u64> {
     let mut hash = 0xcbf2_9ce4_8422_2325;
@@ -113,7 +117,7 @@ pub fn hash_source_code(
         add(&fs::read(package_folder.join(file))?);
     }
     let mut told: Vec<(String, String)> =
-        variables.filter(|(name, _)| TOLD.iter().any(|told| name.starts_with(told))).collect();
+        unfiltered_variables.filter(|(name, _)| TOLD.iter().any(|told| name.starts_with(told))).collect();
     told.sort();
     for (name, value) in told {
         add(name.as_bytes());

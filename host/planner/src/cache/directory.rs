@@ -46,7 +46,7 @@ pub(super) fn set_modified_time_to_now_if_possible(path: &Path) {
 }
 
 /// Deletes tables until at most `most_files` and `most_bytes` are left, least recently used first. Other files stay.
-pub(super) fn remove_least_recently_used_tables_beyond_count_and_size(
+pub(super) fn remove_unfinished_files_and_least_recently_used_tables(
     directory: &Path,
     most_files: usize,
     most_bytes: u64,

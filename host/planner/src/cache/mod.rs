@@ -123,7 +123,7 @@ impl Cache {
     }
 
     /// The table of a key, if its file exists and is sound. A file that is not sound is reported and ignored.
-    fn load_table_if_sound(
+    fn load_table_and_mark_as_used_if_sound(
         &self,
         key: &Key,
         scene: &Scene,
@@ -148,7 +148,7 @@ impl Cache {
     }
 
     /// Writes a table to its file; returns the file's size in bytes. A failure is logged at the level debug.
-    fn store_table_and_return_file_bytes_unless_failed(
+    fn store_table_remove_old_ones_and_return_bytes_if_stored(
         &self,
         key: &Key,
         table: &PlanTable,
@@ -161,7 +161,7 @@ impl Cache {
         });
         match written {
             Ok(size) => {
-                directory::remove_least_recently_used_tables_beyond_count_and_size(
+                directory::remove_unfinished_files_and_least_recently_used_tables(
                     &self.directory,
                     MOST_FILES,
                     MOST_BYTES,
@@ -188,7 +188,7 @@ fn load_and_check_table_file(
     let bytes = file::read_file_checking_owner_and_size_limit(path)?;
     let stored = file::decode_table(key, &bytes)?;
     let read = started.elapsed();
-    let (table, steps) = stored.restore_table(scene, accuracy, options)?;
+    let (table, steps) = stored.recompute_table_and_fill_in_stored_parts_if_plausible(scene, accuracy, options)?;
     let origin = Origin::Kept { read, restore: started.elapsed().saturating_sub(read) };
     Ok(Prepared { table, steps, origin, kept: Some((path.to_path_buf(), bytes.len() as u64)) })
 }
@@ -211,8 +211,9 @@ pub fn prepare_table(
     options: TableOptions,
 ) -> Result<Prepared, PrepareError> {
     let keyed = cache.and_then(|cache| Some((cache, Key::new(scene, accuracy, options)?)));
-    if let Some(prepared) =
-        keyed.as_ref().and_then(|(cache, key)| cache.load_table_if_sound(key, scene, accuracy, options))
+    if let Some(prepared) = keyed
+        .as_ref()
+        .and_then(|(cache, key)| cache.load_table_and_mark_as_used_if_sound(key, scene, accuracy, options))
     {
         return Ok(prepared);
     }
@@ -224,7 +225,7 @@ pub fn prepare_table(
     let of_table = started.elapsed().saturating_sub(of_levels);
     let size = keyed
         .as_ref()
-        .and_then(|(cache, key)| cache.store_table_and_return_file_bytes_unless_failed(key, &table, &steps));
+        .and_then(|(cache, key)| cache.store_table_remove_old_ones_and_return_bytes_if_stored(key, &table, &steps));
     let write = if size.is_some() { started.elapsed().saturating_sub(of_levels + of_table) } else { Duration::ZERO };
     let kept = keyed.zip(size).map(|((cache, key), size)| (cache.table_file_path(&key), size));
     Ok(Prepared { table, steps, origin: Origin::Computed { levels: of_levels, table: of_table, write }, kept })

@@ -50,9 +50,9 @@ fn no_number_of_a_kept_table_changes_a_limit() {
                 }
             }
             file::fill_in_file_header(key, &mut changed);
-            if let Ok((table, _)) = file::decode_table(key, &changed)
-                .and_then(|stored| Ok(stored.restore_table(&bar(), Accuracy::FAST, FEW)?))
-            {
+            if let Ok((table, _)) = file::decode_table(key, &changed).and_then(|stored| {
+                Ok(stored.recompute_table_and_fill_in_stored_parts_if_plausible(&bar(), Accuracy::FAST, FEW)?)
+            }) {
                 assert_eq!(&all_limits(&table), limits_of_sample(), "at {at}, times {change}");
                 used += usize::from(changed != *bytes);
             }
@@ -140,7 +140,7 @@ fn figures_are_among_the_samples() {
         let mut table = made.table.clone();
         change(&mut table);
         let stored = crate::table::stored::StoredTable::new(&table, &made.steps).unwrap();
-        stored.restore_table(&scene, Accuracy::FAST, FEW)
+        stored.recompute_table_and_fill_in_stored_parts_if_plausible(&scene, Accuracy::FAST, FEW)
     };
     assert!(restored(&|_| {}).is_ok());
     // The middle of 21 frequencies is always a sample.
@@ -182,7 +182,7 @@ fn all_limits(table: &PlanTable) -> Vec<String> {
         table.pressed,
         table.transducers,
         table.static_receptance,
-        table.max_standby_voltage_of_each_actuator_v(),
+        table.max_rail_voltage_with_masses_at_rest_of_each_actuator_v(),
         table.model
     );
     entries.chain([whole]).collect()
@@ -249,7 +249,7 @@ proptest! {
         }
         file::fill_in_file_header(key, &mut changed);
         if let Ok(stored) = file::decode_table(key, &changed)
-            && let Ok((table, _)) = stored.restore_table(&bar(), Accuracy::FAST, FEW)
+            && let Ok((table, _)) = stored.recompute_table_and_fill_in_stored_parts_if_plausible(&bar(), Accuracy::FAST, FEW)
         {
             prop_assert_eq!(&all_limits(&table), limits_of_sample());
             let finite = |z: &num_complex::Complex64| z.re.is_finite() && z.im.is_finite();
@@ -263,8 +263,13 @@ proptest! {
 #[test]
 fn numbers_of_something_else_are_found_by_samples() {
     let (key, bytes) = sample();
-    let restored =
-        |scene: &Scene, options| file::decode_table(key, bytes).unwrap().restore_table(scene, Accuracy::FAST, options);
+    let restored = |scene: &Scene, options| {
+        file::decode_table(key, bytes).unwrap().recompute_table_and_fill_in_stored_parts_if_plausible(
+            scene,
+            Accuracy::FAST,
+            options,
+        )
+    };
     assert!(restored(&bar(), FEW).is_ok());
     let shifted = TableOptions { from_hz: FEW.from_hz + 1.0, to_hz: FEW.to_hz + 1.0, ..FEW };
     assert!(restored(&bar(), shifted).is_err());
@@ -316,9 +321,9 @@ fn the_oldest_files_go_first_and_others_stay() {
         names.sort();
         names
     };
-    directory::remove_least_recently_used_tables_beyond_count_and_size(directory.path(), 4, 1 << 20);
+    directory::remove_unfinished_files_and_least_recently_used_tables(directory.path(), 4, 1 << 20);
     assert_eq!(left(), ["0.era-plan", "1.era-plan", "2.era-plan", "3.era-plan", "notes.txt"]);
-    directory::remove_least_recently_used_tables_beyond_count_and_size(directory.path(), 4, 250);
+    directory::remove_unfinished_files_and_least_recently_used_tables(directory.path(), 4, 250);
     assert_eq!(left(), ["0.era-plan", "1.era-plan", "notes.txt"]);
 }
 

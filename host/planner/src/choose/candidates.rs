@@ -92,7 +92,7 @@ impl<'a> Formulation<'a> {
 
     /// Adds an actuator at a frequency with its pulse widths. `frequency_index` is the index of the frequency in the set, `caller_tag`
     /// the caller's own number.
-    pub fn add_candidate_per_pulse_width(
+    pub fn add_candidates_of_quiet_and_if_useful_widest_pulse(
         &self,
         choices: &mut CandidateSet,
         actuator: usize,
@@ -102,7 +102,7 @@ impl<'a> Formulation<'a> {
         frequency_hz: f64,
     ) {
         let near = self.zone.mean_square_over_zone(&entry.acceleration);
-        self.add_candidate_per_pulse_width_with_mean_square_near_target(
+        self.add_candidates_of_pulses_with_given_mean_square_near_targets(
             choices,
             [actuator, frequency_index, caller_tag],
             entry,
@@ -113,7 +113,7 @@ impl<'a> Formulation<'a> {
 
     /// Adds the same candidates with a known or assumed mean square near the targets. `[actuator, node, tag]` as
     /// above.
-    fn add_candidate_per_pulse_width_with_mean_square_near_target(
+    fn add_candidates_of_pulses_with_given_mean_square_near_targets(
         &self,
         choices: &mut CandidateSet,
         [actuator, node, tag]: [usize; 3],
@@ -156,7 +156,8 @@ impl<'a> Formulation<'a> {
                 // The same as with the other pulse.
                 gains.extend_from_within(gains.len() - self.zone.targets.len()..);
             }
-            choices.loads[actuator].extend(self.table.limits.load_per_n_on_each_limit(actuator, width));
+            choices.loads[actuator]
+                .extend(self.table.limits.load_per_n_on_each_limit_in_unit_of_limit(actuator, width));
             choices.loads[actuator].extend(self.quiet.rows.iter().map(|(shape, _)| at(shape)));
         }
     }
@@ -169,7 +170,7 @@ impl<'a> Formulation<'a> {
         for (actuator, list) in self.table.entries.iter().take(MAX_ACTUATORS).enumerate() {
             for (k, entry) in list.iter().enumerate() {
                 if let Some(entry) = entry {
-                    self.add_candidate_per_pulse_width(
+                    self.add_candidates_of_quiet_and_if_useful_widest_pulse(
                         &mut choices,
                         actuator,
                         k,
@@ -188,7 +189,7 @@ impl<'a> Formulation<'a> {
     /// reach the wish, nearly all candidates can be part of a better one. Their energies, on which the reach does not
     /// depend, are then estimates that take the mean square near the target to be as large as at the target.
     #[must_use]
-    pub fn shortlist_candidates_for_one_target(
+    pub fn shortlist_for_one_target_estimating_energies_if_wish_unmet(
         &self,
         wanted: f64,
         is_allowed_pair: &dyn Fn(f64, f64) -> bool,
@@ -235,7 +236,8 @@ impl<'a> Formulation<'a> {
             let efficiencies =
                 rough.sharper_target_to_elsewhere_ratio_bounds_of_likely_or_0(&squares, &near, self.zone.part, &likely);
             let (earns, _) = lagrangian_terms(&known, &efficiencies);
-            let trial = self.allocate_best_combination_of_band_maxima_if_allowed(&earns, wanted, is_allowed_pair);
+            let trial =
+                self.allocate_best_combination_among_band_peak_frequencies_if_allowed(&earns, wanted, is_allowed_pair);
             let known = trial.filter(|trial| meets_more_or_as_much_at_less_cost(trial, &known)).unwrap_or(known);
             let (mut earns, needed) = lagrangian_terms(&known, &efficiencies);
             earns
@@ -277,7 +279,7 @@ impl<'a> Formulation<'a> {
             let (node, frequency_hz) = (choices.frequencies_hz.len() - 1, table.frequencies_hz[k]);
             if known.met < 1.0 {
                 choices.is_estimated = true;
-                self.add_candidate_per_pulse_width_with_mean_square_near_target(
+                self.add_candidates_of_pulses_with_given_mean_square_near_targets(
                     &mut choices,
                     [actuator, node, k],
                     entry,
@@ -285,7 +287,14 @@ impl<'a> Formulation<'a> {
                     squares[actuator * f + k],
                 );
             } else {
-                self.add_candidate_per_pulse_width(&mut choices, actuator, node, k, entry, frequency_hz);
+                self.add_candidates_of_quiet_and_if_useful_widest_pulse(
+                    &mut choices,
+                    actuator,
+                    node,
+                    k,
+                    entry,
+                    frequency_hz,
+                );
             }
         }
         choices
@@ -293,7 +302,7 @@ impl<'a> Formulation<'a> {
 
     /// The best combination of `choices`, which is a shortlist or the full set, together with the set.
     #[must_use]
-    pub fn find_best_combination_replacing_estimated_energies(
+    pub fn find_best_combination_replacing_estimated_energies_at_most_once(
         &self,
         mut choices: CandidateSet,
         is_allowed_pair: PairFilter<'_>,
@@ -391,7 +400,7 @@ impl<'a> Formulation<'a> {
 
     /// The forces of the best combination of those frequencies at which an actuator has the largest Lagrangian term
     /// in its band.
-    fn allocate_best_combination_of_band_maxima_if_allowed(
+    fn allocate_best_combination_among_band_peak_frequencies_if_allowed(
         &self,
         lagrangian_terms: &[f64],
         wanted: f64,
@@ -438,7 +447,7 @@ impl<'a> Formulation<'a> {
         let mut choices = self.build_candidate_set_without_candidates(&[wanted]);
         for (actuator, k) in frequency_indices.iter().enumerate() {
             choices.frequencies_hz.push(self.table.frequencies_hz[*k]);
-            self.add_candidate_per_pulse_width(
+            self.add_candidates_of_quiet_and_if_useful_widest_pulse(
                 &mut choices,
                 actuator,
                 actuator,

@@ -79,7 +79,14 @@ pub(crate) fn refine_frequencies_between_grid(
         let mut at = [0; MAX_ACTUATORS];
         for (i, drive) in trial.iter().enumerate() {
             if let Some(entry) = drive.row.get(i) {
-                formulation.add_candidate_per_pulse_width(&mut own, i, i, 0, entry, drive.frequency_hz);
+                formulation.add_candidates_of_quiet_and_if_useful_widest_pulse(
+                    &mut own,
+                    i,
+                    i,
+                    0,
+                    entry,
+                    drive.frequency_hz,
+                );
                 let w = choices.candidates[i][best.chosen[i]].tag % 2;
                 at[i] = own.candidates[i].iter().position(|c| c.tag % 2 == w).unwrap_or(0);
             }
@@ -119,7 +126,7 @@ fn find_better_frequency_hz_and_lagrangian_gain(
     let earned = |k: usize| -> Option<f64> {
         let mut one = formulation.build_candidate_set_without_candidates(&choices.wanted);
         one.frequencies_hz.push(own);
-        formulation.add_candidate_per_pulse_width(
+        formulation.add_candidates_of_quiet_and_if_useful_widest_pulse(
             &mut one,
             actuator,
             0,

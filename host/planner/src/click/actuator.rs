@@ -13,7 +13,7 @@ use era_shared::supply::rail_index_of_channel;
 pub fn find_highest_allowed_window_voltage_v_and_limit(table: &PlanTable, actuator: usize) -> (f64, Limit) {
     let Some(electrodes) = table.electrodes.get(actuator) else { return (0.0, Limit::Voltage) };
     let own = electrodes.max_voltage_v.min(f64::from(MAX_RAIL_MILLIVOLTS) / 1e3);
-    let held = electrodes.max_voltage_of_remaining_gap_v(electrodes.max_travel_m());
+    let held = electrodes.breakdown_voltage_of_remaining_gap_with_margin_v(electrodes.max_travel_m());
     let receptance = table.static_receptance.get(actuator).and_then(|row| row.get(actuator)).copied().unwrap_or(0.0);
     let counted = table.scene.actuators.get(actuator).map_or(0.0, crate::scene::Actuator::softening_n_per_m);
     // Per V^2: 2 k / g for the part of the time in which windows are on.

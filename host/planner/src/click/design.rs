@@ -95,7 +95,7 @@ pub fn design_click_windows(
     let (built, travel_limit) = if has_several {
         build_click_with_peak_signs_of_least_surface_motion_and_limiting_actuator(&mut designer, target, wishes)?
     } else {
-        build_click_within_travel_and_limiting_actuator_if_solved(&designer, asked)?
+        build_scaled_click_within_travel_and_limiting_actuator_if_solved(&designer, asked)?
     };
     if has_several && built.windows.is_empty() {
         return None;
@@ -165,12 +165,12 @@ pub fn design_click_windows(
         amplitudes: built.motion.amplitudes,
         best_possible,
         surface,
-        is_crisp: all.iter().all(|own| options.is_motion_crisp(own)),
+        is_crisp: all.iter().all(|own| options.does_motion_peak_and_become_quiet_in_time(own)),
     })
 }
 
 /// The click for the first wish, weakened until no mass goes too far, and the actuator that it was weakened for.
-fn build_click_within_travel_and_limiting_actuator_if_solved(
+fn build_scaled_click_within_travel_and_limiting_actuator_if_solved(
     designer: &ClickDesigner,
     asked: f64,
 ) -> Option<(BuiltClick, Option<usize>)> {
@@ -178,7 +178,8 @@ fn build_click_within_travel_and_limiting_actuator_if_solved(
     let mut travel_limit = None;
     let mut built = designer.design_click_for_peak_or_best_weaker_if_solved(asked)?;
     for _ in 0..WEAKENED {
-        let Some((actuator, excess)) = designer.find_actuator_and_ratio_of_largest_travel_beyond_limit(&built.motion)
+        let Some((actuator, excess)) =
+            designer.find_actuator_and_ratio_of_largest_travel_above_usable_travel(&built.motion)
         else {
             break;
         };
@@ -186,11 +187,12 @@ fn build_click_within_travel_and_limiting_actuator_if_solved(
         part *= (0.97 / excess).min(0.97);
         built = designer.design_click_for_peak_or_best_weaker_if_solved(asked * part)?;
     }
-    if let Some((_, excess)) = designer.find_actuator_and_ratio_of_largest_travel_beyond_limit(&built.motion) {
-        built = designer.scale_force_of_built_click(&built, 0.9 / excess);
+    if let Some((_, excess)) = designer.find_actuator_and_ratio_of_largest_travel_above_usable_travel(&built.motion) {
+        built = designer.scale_window_voltages_of_built_click_to_force_fraction(&built, 0.9 / excess);
     }
     if designer.options.force_fraction < 1.0 {
-        built = designer.scale_force_of_built_click(&built, designer.options.force_fraction);
+        built =
+            designer.scale_window_voltages_of_built_click_to_force_fraction(&built, designer.options.force_fraction);
     }
     Some((built, travel_limit))
 }
@@ -206,7 +208,8 @@ fn build_click_with_peak_signs_of_least_surface_motion_and_limiting_actuator(
     let mut best = None;
     for factors in list_factors_of_peak_signs_that_reach_wish_or_largest_peak(designer, asked) {
         designer.set_factors_of_targets(&factors);
-        let Some((built, travel_limit)) = build_click_within_travel_and_limiting_actuator_if_solved(designer, asked)
+        let Some((built, travel_limit)) =
+            build_scaled_click_within_travel_and_limiting_actuator_if_solved(designer, asked)
         else {
             continue;
         };
@@ -214,7 +217,10 @@ fn build_click_with_peak_signs_of_least_surface_motion_and_limiting_actuator(
         let felt: Vec<Vec<f64>> = means.map(|means| filter_quarter_ms_means_to_felt_motion_at_16_khz(means)).collect();
         let is_good = |(own, wish): (&Vec<f64>, &f64)| {
             let own = measure_click(own);
-            own.peak >= REACHED * wish && designer.options.is_motion_crisp(&own.shift_times_to_count_from_burst_start())
+            own.peak >= REACHED * wish
+                && designer
+                    .options
+                    .does_motion_peak_and_become_quiet_in_time(&own.shift_times_to_count_from_burst_start())
         };
         let is_good = felt.iter().zip(wishes).all(is_good);
         let surface = compute_click_sound_and_contrast_db_if_anything_moves(

@@ -193,7 +193,8 @@ impl ClickDesigner<'_> {
         is_good: impl Fn(&JudgedClick) -> bool,
     ) -> Option<JudgedClick> {
         let ChosenPushes { bounds, strongest, reachable, peak, .. } = chosen;
-        let first = self.build_corrected_click_of_pushes_and_judge_it(asked, self.choose_fewer_pushes(chosen))?;
+        let first =
+            self.build_judged_click_at_present_rails_or_least_rails_if_better(asked, self.choose_fewer_pushes(chosen))?;
         if is_good(&first) && !first.built.lacks.windows {
             return Some(first);
         }
@@ -204,7 +205,7 @@ impl ClickDesigner<'_> {
                 (part * peak * reachable, strongest),
                 &[],
             )?;
-            self.build_corrected_click_of_pushes_and_judge_it(asked, self.choose_fewer_pushes(weaker))
+            self.build_judged_click_at_present_rails_or_least_rails_if_better(asked, self.choose_fewer_pushes(weaker))
                 .filter(|found| is_good(found))
         };
         let Some(mut found) = WEAKER.into_iter().find_map(weaker) else { return Some(first) };
@@ -217,8 +218,12 @@ impl ClickDesigner<'_> {
     }
 
     /// The click of chosen pushes: with the rails where they stand, or, if that click is worse than it need be, with those that it needs.
-    fn build_corrected_click_of_pushes_and_judge_it(&self, asked: f64, chosen: ChosenPushes) -> Option<JudgedClick> {
-        let least = self.choose_least_rail_voltages(&chosen.pushes);
+    fn build_judged_click_at_present_rails_or_least_rails_if_better(
+        &self,
+        asked: f64,
+        chosen: ChosenPushes,
+    ) -> Option<JudgedClick> {
+        let least = self.choose_least_stepped_rail_voltages_v(&chosen.pushes);
         let standing = self.use_present_rail_voltages_where_suitable_else_given(&chosen.pushes, least);
         if standing.map(f64::to_bits) == least.map(f64::to_bits) {
             return self.build_corrected_click_at_rails_and_judge_it(asked, chosen, &least);
@@ -245,8 +250,11 @@ impl ClickDesigner<'_> {
         let mut pushes = self.rescale_pushes_to_rail_voltages_dropping_weak_ones(&chosen, rails);
         let lacks = self.drop_weakest_pushes_beyond_board_windows_and_current(&mut pushes, rails);
         let is_short = reachable < asked || peak < WHOLE;
-        let saturated =
-            if is_short { self.list_limits_of_actuators_at_full_force_else_of_all_used(&chosen) } else { Vec::new() };
+        let saturated = if is_short {
+            self.list_limiting_actuators_and_limits_at_full_force_else_of_all_used(&chosen)
+        } else {
+            Vec::new()
+        };
         // From here on what can be reached is what is asked for.
         let wished = asked;
         let asked = reachable;
@@ -263,7 +271,9 @@ impl ClickDesigner<'_> {
                 let measures: Vec<ClickMeasures> = felt.iter().map(|felt| measure_click(felt)).collect();
                 let is_crisp = |own: &ClickMeasures| {
                     own.peak >= LEAST_CLICK * asked
-                        && self.options.is_motion_crisp(&own.shift_times_to_count_from_burst_start())
+                        && self
+                            .options
+                            .does_motion_peak_and_become_quiet_in_time(&own.shift_times_to_count_from_burst_start())
                 };
                 let least_peak = measures.iter().map(|own| own.peak).fold(f64::INFINITY, f64::min);
                 let judged = JudgedClick { built, is_crisp: measures.iter().all(is_crisp), peak: least_peak / wished };
@@ -326,14 +336,14 @@ impl ClickDesigner<'_> {
     }
 
     /// The same windows at voltages that make this part of the force.
-    pub fn scale_force_of_built_click(&self, built: &BuiltClick, part: f64) -> BuiltClick {
+    pub fn scale_window_voltages_of_built_click_to_force_fraction(&self, built: &BuiltClick, part: f64) -> BuiltClick {
         let mut windows = built.windows.clone();
         windows.iter_mut().for_each(|window| window.voltage_v = (window.voltage_v * part.sqrt()).floor());
         self.build_click_of_windows_and_simulate_motion(windows, (built.saturated.clone(), built.lacks))
     }
 
     /// The actuator whose mass goes furthest beyond its limit, and by which factor, if any does.
-    pub fn find_actuator_and_ratio_of_largest_travel_beyond_limit(
+    pub fn find_actuator_and_ratio_of_largest_travel_above_usable_travel(
         &self,
         motion: &WindowMotion,
     ) -> Option<(usize, f64)> {

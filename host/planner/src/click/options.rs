@@ -47,7 +47,7 @@ impl ClickOptions {
     /// Whether a place that moves like this clicks crisply: its peak comes in time, and it is quiet at the time asked for. Times count from the
     /// burst's start.
     #[must_use]
-    pub fn is_motion_crisp(&self, measures: &ClickMeasures) -> bool {
+    pub fn does_motion_peak_and_become_quiet_in_time(&self, measures: &ClickMeasures) -> bool {
         let is_quiet = measures.quiet_s.is_some_and(|quiet_s| quiet_s <= self.crisp_s);
         measures.peak > 0.0 && measures.peak_s <= LATEST_PEAK_S && is_quiet
     }

@@ -20,7 +20,7 @@ pub struct SlotResponses {
 }
 
 impl SlotResponses {
-    /// Of slots with so many samples; `pole_factor` as in [`PointResidues::accelerations_per_n_at_each_hz_with_poles_scaled_by`].
+    /// Of slots with so many samples; `pole_factor` as in [`PointResidues::accelerations_per_n_by_point_and_actuator_from_1_hz_poles_scaled`].
     fn new(residues: &PointResidues, slot_samples: usize, pole_factor: impl Fn(f64) -> f64) -> Self {
         #[expect(clippy::cast_precision_loss, reason = "some samples")]
         let slot_s = slot_samples as f64 * SAMPLE_S;
@@ -33,7 +33,7 @@ impl SlotResponses {
             weigh_spectrum_and_transform_to_felt_record(spectrum).repeat(2)
         };
         let records = residues
-            .accelerations_per_n_at_each_hz_with_poles_scaled_by(last_hz, pole_factor)
+            .accelerations_per_n_by_point_and_actuator_from_1_hz_poles_scaled(last_hz, pole_factor)
             .into_iter()
             .map(record)
             .collect();
@@ -61,7 +61,7 @@ pub fn compute_slot_responses_of_nominal_and_four_detuned_panels(
     residues: &PointResidues,
     slot_samples: usize,
 ) -> Vec<SlotResponses> {
-    let slowest: Vec<f64> = residues.pole_frequencies_hz().take(ON_SPRINGS).collect();
+    let slowest: Vec<f64> = residues.vibrating_pole_frequencies_hz().take(ON_SPRINGS).collect();
     let step = |pair: &[f64]| pair.first().zip(pair.last()).map_or(0.0, |(low, high)| high / low);
     let widest = slowest.windows(2).max_by(|a, b| step(a).total_cmp(&step(b)));
     let split_hz = widest.and_then(|pair| pair.first().zip(pair.last())).map_or(0.0, |(low, high)| (low * high).sqrt());

@@ -70,7 +70,7 @@ pub fn compute_click_sound_and_contrast_db_if_anything_moves(
         elsewhere += 2.0 * square * weigh_frequency(hz).powi(2);
     }
     let last_felt_hz = u32::try_from(LAST_LINE).unwrap_or(u32::MAX);
-    let at_target = target.accelerations_per_n_at_each_hz_with_poles_scaled_by(last_felt_hz, |_| 1.0);
+    let at_target = target.accelerations_per_n_by_point_and_actuator_from_1_hz_poles_scaled(last_felt_hz, |_| 1.0);
     let square_at_target = |line: usize| {
         let motion: Complex64 =
             at_target.iter().zip(&forces).map(|(own, f)| line_of(own, line) * line_of(f, line)).sum();
@@ -105,8 +105,9 @@ fn compute_mean_acceleration_products_of_cells_at_each_hz(table: &PlanTable, pol
     let shapes = mode_shape_values_at_each_cell_middle(table);
     let actuators = table.electrodes.len().clamp(1, MAX_ACTUATORS);
     let last_hz = u32::try_from(LAST_SHOWN_LINE).unwrap_or(u32::MAX);
-    let accelerations =
-        poles.residues_at_shapes(&shapes).accelerations_per_n_at_each_hz_with_poles_scaled_by(last_hz, |_| 1.0);
+    let accelerations = poles
+        .residues_at_shapes(&shapes)
+        .accelerations_per_n_by_point_and_actuator_from_1_hz_poles_scaled(last_hz, |_| 1.0);
     let mut products = vec![PerPair::default(); LAST_SHOWN_LINE];
     #[expect(clippy::cast_precision_loss, reason = "some places")]
     let part = 1.0 / shapes.len().max(1) as f64;

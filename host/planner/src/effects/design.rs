@@ -140,7 +140,10 @@ impl EffectDesign {
 
     /// How far it takes the masses and what it leaves; `None` where that cannot be told.
     #[must_use]
-    pub fn predict_travel_and_free_motion_of_effect_if_poles_known(&self, table: &PlanTable) -> Option<PlanMotion> {
+    pub fn predict_travel_and_free_motion_left_by_effect_if_poles_known(
+        &self,
+        table: &PlanTable,
+    ) -> Option<PlanMotion> {
         let mut travel_m = [0.0; MAX_ACTUATORS];
         travel_m.iter_mut().zip(&self.travel_m).for_each(|(travel, known)| *travel = *known);
         if !self.windows.is_empty() {

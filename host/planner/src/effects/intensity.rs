@@ -166,7 +166,7 @@ mod tests {
         let scene = Scene::parse("plate", STARTING_PLATE).unwrap();
         let model = PanelModel::build(&scene, Accuracy::FAST, 400.0)
             .unwrap()
-            .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+            .reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[])
             .unwrap();
         let table = PlanTable::build(&scene, model, TableOptions::default()).unwrap();
         let rise = PanelPoles::find_poles_if_converged(&table.model);

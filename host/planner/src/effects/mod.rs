@@ -31,5 +31,6 @@ pub use intensity::{
 pub use named::{EffectError, EffectRequest, NamedEffect};
 pub use sampled::sample_acceleration_of_design_unless_undamped_m_per_s2;
 pub use windows::{
-    design_effect_of_windows_if_click_else_of_drives, is_click_for_up_to_three_targets_without_quiet_zones,
+    design_effect_of_windows_if_common_click_exists_else_of_drives,
+    is_click_for_up_to_three_targets_without_quiet_zones,
 };

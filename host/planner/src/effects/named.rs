@@ -139,7 +139,7 @@ impl NamedEffect {
     }
 
     /// Least, most and default of duration (ms), count and period (ms).
-    const fn duration_count_and_period_limits(self) -> (Limits, Limits, Limits) {
+    const fn least_most_and_default_duration_count_and_period_if_any(self) -> (Limits, Limits, Limits) {
         match self {
             Self::Click => (None, None, None),
             // Closer than 50 ms they merge, beyond 500 ms they are two gestures.
@@ -167,7 +167,7 @@ impl EffectRequest {
     }
 
     /// Duration in ms, count and period in ms; 0 where the effect has none.
-    fn check_or_default_duration_count_and_period(&self) -> Result<(f64, f64, f64), EffectError> {
+    fn check_parameters_and_get_duration_ms_count_and_period_ms_or_0(&self) -> Result<(f64, f64, f64), EffectError> {
         let name = self.effect.name();
         let one = |field, given: Option<f64>, limits: Limits| match (given, limits) {
             (None, limits) => Ok(limits.map_or(0.0, |(_, _, default)| default)),
@@ -175,7 +175,7 @@ impl EffectRequest {
             (Some(value), Some((min, max, _))) if (min..=max).contains(&value) => Ok(value),
             (Some(value), Some((min, max, _))) => Err(EffectError::Range { field, value, effect: name, min, max }),
         };
-        let (duration, count, period) = self.effect.duration_count_and_period_limits();
+        let (duration, count, period) = self.effect.least_most_and_default_duration_count_and_period_if_any();
         let duration_ms = one("duration_ms", self.duration_ms, duration)?;
         let count = one("count", self.count.map(f64::from), count)?;
         let period_ms = one("period_ms", self.period_ms, period)?;
@@ -206,7 +206,7 @@ impl EffectRequest {
     /// # Errors
     /// [`EffectError`].
     pub fn check_parameters_and_choose_clicks_or_fixed_envelope(&self) -> Result<Shape, EffectError> {
-        let (_, _, period_ms) = self.check_or_default_duration_count_and_period()?;
+        let (_, _, period_ms) = self.check_parameters_and_get_duration_ms_count_and_period_ms_or_0()?;
         Ok(match self.effect {
             NamedEffect::Click => Shape::Clicks { count: 1, period_ms: 0 },
             NamedEffect::DoubleClick => Shape::Clicks { count: 2, period_ms: round_to_u16(period_ms) },
@@ -219,7 +219,7 @@ impl EffectRequest {
     /// # Errors
     /// [`EffectError`].
     pub fn build_envelope_or_plain_push_if_click(&self) -> Result<Effect, EffectError> {
-        let (duration_ms, count, period_ms) = self.check_or_default_duration_count_and_period()?;
+        let (duration_ms, count, period_ms) = self.check_parameters_and_get_duration_ms_count_and_period_ms_or_0()?;
         let hold = |level, ms: f64| Segment::Hold { level, milliseconds: round_to_u16(ms) };
         let ramp = |from, to, ms: f64| Segment::Ramp { from, to, milliseconds: round_to_u16(ms) };
         let of = |segments: &[Segment], times: f64| Effect {

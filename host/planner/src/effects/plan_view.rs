@@ -44,7 +44,7 @@ impl EffectDesign {
 
     /// When the first target has its peak, counted from the effect's start, and when it is below a tenth of it, from the effect's end.
     #[must_use]
-    pub fn effect_peak_and_decay_times_at_first_target(&self) -> Times {
+    pub fn peak_time_from_start_and_decay_time_from_end_at_first_target(&self) -> Times {
         Times {
             reaches_90_ms: (self.predicted.peak_g > 0.0).then_some(self.predicted.peak_at_ms),
             decays_to_10_ms: self.predicted.quiet_ms.map(|quiet_ms| (quiet_ms - self.length_ms).max(0.0)),

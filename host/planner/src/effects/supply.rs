@@ -66,7 +66,7 @@ mod tests {
         let options = TableOptions { from_hz: 330.0, to_hz: 400.0, step_hz: 2.0 };
         let model = PanelModel::build(&scene, Accuracy::FAST, 400.0)
             .unwrap()
-            .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+            .reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[])
             .unwrap();
         let table = PlanTable::build(&scene, model, options).unwrap();
         let plan = table.plan(&[Target { x_m: 0.1, y_m: 0.1, intensity_g: Some(0.02) }]).unwrap();

@@ -108,7 +108,7 @@ pub fn derate_drives_to_travel_limits(
                 if travel > allowed {
                     return Err((actuator, Limit::Travel));
                 }
-                if volts > electrodes.max_voltage_of_remaining_gap_v(travel / USED) {
+                if volts > electrodes.breakdown_voltage_of_remaining_gap_with_margin_v(travel / USED) {
                     return Err((actuator, Limit::Breakdown));
                 }
                 *largest = largest.max(travel / USED);
@@ -264,7 +264,7 @@ fn bound_travel_of_each_actuator_if_small_m(
         let travel = bounds.sum::<Option<f64>>()?;
         let volts = highest_voltage_needed_on_rail_of_actuator_v(all_electrodes, effect_drives, actuator, 1.0);
         let is_small = travel < SMALL_TRAVEL * electrodes.max_travel_m()
-            && volts <= electrodes.max_voltage_of_remaining_gap_v(travel);
+            && volts <= electrodes.breakdown_voltage_of_remaining_gap_with_margin_v(travel);
         is_small.then_some(WITH_HARMONICS * travel)
     };
     all_electrodes.iter().enumerate().map(travel).collect()
@@ -399,7 +399,7 @@ mod tests {
             let scene = Scene::parse("bar", &text).unwrap();
             let model = PanelModel::build(&scene, Accuracy::FAST, 400.0)
                 .unwrap()
-                .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+                .reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[])
                 .unwrap();
             let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
             let table = PlanTable::build(&scene, model, options).unwrap();

@@ -21,7 +21,7 @@ const MOST_FINGERS: usize = 3;
 ///
 /// # Errors
 /// [`DesignError`].
-pub fn design_effect_of_windows_if_click_else_of_drives(
+pub fn design_effect_of_windows_if_common_click_exists_else_of_drives(
     table: &PlanTable,
     rise: &PanelPoles,
     plan: &Plan,

@@ -3,7 +3,7 @@
 use super::{PeakField, PictureError, write_map_png};
 use crate::click::ClickOptions;
 use crate::click::places::CellMiddles;
-use crate::effects::{DesignError, EffectRequest, design_effect_of_windows_if_click_else_of_drives};
+use crate::effects::{DesignError, EffectRequest, design_effect_of_windows_if_common_click_exists_else_of_drives};
 use crate::scene::Scene;
 use crate::{DEFAULT_INTENSITY_G, PlanError, PlanTable, Target};
 use rayon::prelude::*;
@@ -87,7 +87,8 @@ impl ClickMap {
             let Some((x_m, y_m)) = *place else { return Ok(None) };
             let plan = table.plan(&[Target { x_m, y_m, intensity_g }])?;
             let predicted =
-                design_effect_of_windows_if_click_else_of_drives(table, poles, &plan, request, options)?.predicted;
+                design_effect_of_windows_if_common_click_exists_else_of_drives(table, poles, &plan, request, options)?
+                    .predicted;
             Ok(Some(PlaceClick {
                 x_mm: 1e3 * x_m,
                 y_mm: 1e3 * y_m,
@@ -141,7 +142,7 @@ impl ClickMap {
 
     /// The sound in dB of all places' clicks: of the mean of their mean-square velocities; `None` if none of them has a sound.
     #[must_use]
-    pub fn mean_sound_db_if_any(&self) -> Option<f64> {
+    pub fn sound_db_of_mean_square_velocity_over_places_if_any(&self) -> Option<f64> {
         let squares: Vec<f64> =
             self.places().filter_map(|place| place.sound_db).map(|db| 10.0_f64.powf(db / 10.0)).collect();
         #[expect(clippy::cast_precision_loss, reason = "some places")]
@@ -216,8 +217,11 @@ mod tests {
         assert_eq!(map.to_csv().lines().nth(2), Some("1.000,10.000,0.400000,12.100,,false,,"));
         assert_eq!(map.to_csv().lines().nth(1), Some("0.000,10.000,0.500000,12.100,30.000,true,1.500,-20.000"));
         // 0.01, 0.001 and 0.001, of three places that have a sound.
-        assert!((map.mean_sound_db_if_any().unwrap() - 10.0 * 0.004_f64.log10()).abs() < 1e-9);
-        assert_eq!(make_map(&[None]).mean_sound_db_if_any(), None);
+        assert!(
+            (map.sound_db_of_mean_square_velocity_over_places_if_any().unwrap() - 10.0 * 0.004_f64.log10()).abs()
+                < 1e-9
+        );
+        assert_eq!(make_map(&[None]).sound_db_of_mean_square_velocity_over_places_if_any(), None);
         assert_eq!(make_map(&[None, Some(30.0), None]).median_time_until_quiet_ms_unless_half_never_quiet(), None);
         assert_eq!(make_map(&[]).find_weakest_place(), None);
     }

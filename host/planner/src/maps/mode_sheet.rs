@@ -33,14 +33,18 @@ const PINNED: RGBColor = RGBColor(120, 120, 120);
 ///
 /// # Errors
 /// [`PictureError`] if the file cannot be written.
-pub fn write_mode_sheet_png(path: &Path, scene: &Scene, modes: &ModeShapes) -> Result<(u32, u32), PictureError> {
+pub fn write_sheet_of_first_modes_png(
+    path: &Path,
+    scene: &Scene,
+    modes: &ModeShapes,
+) -> Result<(u32, u32), PictureError> {
     let is_bar = scene.surface.kind == SurfaceKind::Bar;
     let (w, h) = if is_bar { PLOT } else { map_size_px(scene) };
     let count = modes.frequencies_hz.len().min(MOST_MODES);
     let (columns, rows) = (count.clamp(1, COLUMNS), count.div_ceil(COLUMNS).max(1));
     let pixels = |number: usize| i32::try_from(number).unwrap_or(i32::MAX);
     let cell = (axes::BESIDE.0 + w + 20, TITLE + h + axes::BESIDE.1);
-    let title = format!("{}: {}", scene.name, sheet_title(modes, count));
+    let title = format!("{}: {}", scene.name, describe_shown_and_total_mode_count(modes, count));
     let legend = list_legend_entries(scene);
     let legend_width = legend.iter().map(|(_, words)| text::text_width_px(words) + 50).sum::<i32>() + 20;
     let beside = if is_bar { 0 } else { axes::SCALE };
@@ -87,7 +91,7 @@ pub fn write_mode_sheet_png(path: &Path, scene: &Scene, modes: &ModeShapes) -> R
     })
 }
 
-fn sheet_title(modes: &ModeShapes, count: usize) -> String {
+fn describe_shown_and_total_mode_count(modes: &ModeShapes, count: usize) -> String {
     match modes.frequencies_hz.len() {
         0 => "no modes".into(),
         all if all > count => format!("the first {count} of {all} modes"),

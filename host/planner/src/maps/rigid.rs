@@ -24,12 +24,12 @@ impl<'a> RigidMotions<'a> {
         };
         let mut rigid = Self { grid, motions: Vec::new() };
         for mut motion in [at(&|_, _| 1.0), at(&|x, _| x), at(&|_, y| y)] {
-            let whole = rigid.mean_product_of_values_at_grid_points(&motion, &motion);
+            let whole = rigid.area_weighted_mean_product_of_grid_values(&motion, &motion);
             for before in &rigid.motions {
-                let part = rigid.mean_product_of_values_at_grid_points(&motion, before);
+                let part = rigid.area_weighted_mean_product_of_grid_values(&motion, before);
                 motion.iter_mut().zip(before).for_each(|(value, before)| *value -= part * before);
             }
-            let rest = rigid.mean_product_of_values_at_grid_points(&motion, &motion);
+            let rest = rigid.area_weighted_mean_product_of_grid_values(&motion, &motion);
             if rest > 1e-9 * whole {
                 let scale = 1.0 / rest.sqrt();
                 motion.iter_mut().for_each(|value| *value *= scale);
@@ -39,7 +39,7 @@ impl<'a> RigidMotions<'a> {
         rigid
     }
 
-    fn mean_product_of_values_at_grid_points(&self, values_a: &[f64], values_b: &[f64]) -> f64 {
+    fn area_weighted_mean_product_of_grid_values(&self, values_a: &[f64], values_b: &[f64]) -> f64 {
         values_a.iter().zip(values_b).zip(&self.grid.weights).map(|((a, b), weight)| a * b * weight).sum()
     }
 
@@ -71,15 +71,19 @@ pub fn rigid_fraction_of_mean_square_unless_at_rest(table: &PlanTable, setting: 
 
 /// Frequency in Hz of the first mode, of those that the actuators move, whose motion is mostly bending.
 #[must_use]
-pub fn first_driven_bending_mode_if_any_hz(table: &PlanTable) -> Option<f64> {
-    list_driven_modes_as_rigid_or_bending(table).into_iter().find(|mode| mode.bends).map(|mode| mode.hz)
+pub fn first_bending_mode_moving_surface_if_any_hz(table: &PlanTable) -> Option<f64> {
+    list_modes_moving_surface_as_rigid_or_bending(table).into_iter().find(|mode| mode.bends).map(|mode| mode.hz)
 }
 
 /// Frequency in Hz of the last mode, of those that the actuators move, whose motion is mostly that of a rigid body; `None` where
 /// there is none.
 #[must_use]
-pub fn last_driven_rigid_mode_if_any_hz(table: &PlanTable) -> Option<f64> {
-    list_driven_modes_as_rigid_or_bending(table).into_iter().filter(|mode| !mode.bends).map(|mode| mode.hz).next_back()
+pub fn last_rigid_mode_moving_surface_if_any_hz(table: &PlanTable) -> Option<f64> {
+    list_modes_moving_surface_as_rigid_or_bending(table)
+        .into_iter()
+        .filter(|mode| !mode.bends)
+        .map(|mode| mode.hz)
+        .next_back()
 }
 
 /// A mode of which something is seen on the surface.
@@ -89,7 +93,7 @@ struct RigidOrBendingMode {
     bends: bool,
 }
 
-fn list_driven_modes_as_rigid_or_bending(table: &PlanTable) -> Vec<RigidOrBendingMode> {
+fn list_modes_moving_surface_as_rigid_or_bending(table: &PlanTable) -> Vec<RigidOrBendingMode> {
     let rigid = RigidMotions::new(&table.grid);
     let shapes = table.grid.shapes.column_iter();
     let bends = |shape: &[f64]| {

@@ -93,7 +93,8 @@ pub fn compare_schemes(
     };
     let in_phase = together(Phases::Equal)?;
     let chosen = together(Phases::Chosen)?.keep_better_of_both(&in_phase);
-    let distinct = compared.find_distinct_frequency_setting_and_peak_at_each_point().ok_or(PlanError::NoFrequencies)?;
+    let distinct =
+        compared.find_one_distinct_frequency_setting_and_best_peak_of_each_point().ok_or(PlanError::NoFrequencies)?;
     let found = [SchemeResult::from(in_phase), SchemeResult::from(chosen), distinct];
     let mut schemes: Vec<SchemeReach> = Scheme::ALL
         .into_iter()
@@ -141,7 +142,7 @@ impl From<single_frequency::StrongestForAllAndEachPoint> for SchemeResult {
 }
 
 impl SchemeComparison<'_> {
-    fn find_distinct_frequency_setting_and_peak_at_each_point(&self) -> Option<SchemeResult> {
+    fn find_one_distinct_frequency_setting_and_best_peak_of_each_point(&self) -> Option<SchemeResult> {
         let space = ReachSpace::from_table(self.table, &self.view.shapes, |hz| self.measure.weight_per_m_per_s2(hz));
         let touches = strongest_drive_at_each_point_unless_stopped(self.table, &space);
         let per_touch = touches.into_iter().map(|touch| Some(touch?.peak)).collect::<Option<_>>()?;

@@ -48,7 +48,7 @@ impl ModeShapes {
     ) -> Result<Self, ModelError> {
         let frequencies_hz: Vec<f64> = found.answer.iter().map(|mode| mode.frequency_hz).collect();
         // Its coordinates are the modes, ascending, and then shapes of higher frequencies.
-        let reduced = found.model.reduce_with_residual_shapes_of_actuators_and_points(max_hz, &[])?;
+        let reduced = found.model.reduce_with_residual_shapes_of_actuators_damping_and_points(max_hz, &[])?;
         let again = reduced.lambda.iter().map(|lambda| lambda.sqrt() / TAU).zip(&frequencies_hz);
         if again.filter(|(again, hz)| (again - *hz).abs() <= ANOTHER * *hz).count() != frequencies_hz.len() {
             return Err(ModelError::NotConverged { max_hz, vectors: reduced.count_coordinates() });

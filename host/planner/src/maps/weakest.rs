@@ -33,17 +33,17 @@ pub fn weakest_place_with_setting_per_place_if_frequencies_usable(
     let space = ReachSpace::from_table(table, &view.shapes, |hz| measure.weight_per_m_per_s2(hz));
     let touches =
         strongest_drive_at_each_point_unless_stopped(table, &space).into_iter().collect::<Option<Vec<_>>>()?;
-    find_place_of_weakest_drive(table, &view, &touches)
+    find_weakest_place_with_largest_power_and_voltage_of_all_touches(table, &view, &touches)
 }
 
 /// The same with the scene's finger on each place while it is looked at; `table` is that of the panel that nothing touches. `None` where there is no
 /// place.
 #[must_use]
 pub fn find_weakest_place_of_touched_reach(table: &PlanTable, reach: &TouchedReach) -> Option<WeakestPlace> {
-    find_place_of_weakest_drive(table, &reach.view, &reach.touches)
+    find_weakest_place_with_largest_power_and_voltage_of_all_touches(table, &reach.view, &reach.touches)
 }
 
-fn find_place_of_weakest_drive(
+fn find_weakest_place_with_largest_power_and_voltage_of_all_touches(
     table: &PlanTable,
     view: &PointView,
     touches: &[StrongestDrive],
@@ -70,7 +70,7 @@ pub fn weakest_place_with_one_frequency_per_place_if_frequencies_usable(
 ) -> Option<WeakestPlace> {
     let view = PointView::new(table, None)?;
     let found = search_single_frequency_for_all_and_each_point(table, &view, measure, phases)?;
-    find_place_of_weakest_peak(table, &view, &found.each)
+    find_weakest_place_of_peaks_with_nan_power_and_voltage(table, &view, &found.each)
 }
 
 /// The same with the scene's finger on each place while it is looked at; `table` is that of the panel that nothing touches.
@@ -94,7 +94,7 @@ pub fn weakest_touched_place_with_one_frequency_per_place_if_frequencies_usable(
         ask,
     )?;
     let each = each.into_iter().collect::<Option<Vec<f64>>>();
-    Ok(each.and_then(|each| find_place_of_weakest_peak(table, &view, &each)))
+    Ok(each.and_then(|each| find_weakest_place_of_peaks_with_nan_power_and_voltage(table, &view, &each)))
 }
 
 fn search_single_frequency_for_all_and_each_point(
@@ -118,7 +118,11 @@ fn search_single_frequency_for_all_and_each_point(
     }
 }
 
-fn find_place_of_weakest_peak(table: &PlanTable, view: &PointView, peaks: &[f64]) -> Option<WeakestPlace> {
+fn find_weakest_place_of_peaks_with_nan_power_and_voltage(
+    table: &PlanTable,
+    view: &PointView,
+    peaks: &[f64],
+) -> Option<WeakestPlace> {
     let (point, peak) = view.points.iter().zip(peaks).min_by(|a, b| a.1.total_cmp(b.1).then(a.0.cmp(b.0)))?;
     Some(WeakestPlace {
         peak: *peak,

@@ -1,6 +1,8 @@
 //! Drives as forces on the panel: voltages and pulse widths, the steady motion that they make in closing gaps, and which limit it breaks.
 
-use crate::chosen_drive::{ChosenDrive, VoltageAndPulseWidth, window_phase_of_each_drive_rad};
+use crate::chosen_drive::{
+    ChosenDrive, VoltageAndPulseWidth, window_phase_of_each_drive_keeping_relative_force_phases_rad,
+};
 use crate::physics::limits::Limit;
 use crate::physics::softening::{Excitation, Line, MAX_LINES, Motion, MotionError, Transducer, solve_steady_motion};
 use crate::scene::MAX_ACTUATORS;
@@ -61,13 +63,16 @@ pub(crate) fn bound_harmonic_travel_of_each_mass_in_gaps_at_rest_m(
     drives: &[ChosenDrive],
     applied: &[VoltageAndPulseWidth; MAX_ACTUATORS],
     force_scale: f64,
-    harmonic_numbers: &[f64],
+    first_odd_harmonic_numbers: &[f64],
 ) -> [f64; MAX_ACTUATORS] {
     let mut sums = [0.0; MAX_ACTUATORS];
     for (j, (drive, applied)) in drives.iter().zip(applied).enumerate() {
         let Some(entry) = drive.row.get(j) else { continue };
-        let own =
-            bound_travel_by_harmonics_above_fundamental_m_per_n(entry, applied.pulse_width, harmonic_numbers.len());
+        let own = bound_travel_by_harmonics_above_fundamental_m_per_n(
+            entry,
+            applied.pulse_width,
+            first_odd_harmonic_numbers.len(),
+        );
         sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own * drive.force_n * force_scale);
     }
     sums
@@ -99,7 +104,7 @@ pub(crate) fn check_travel_with_harmonics_against_limits(
 
 /// The actuator and limit that an error is about. If the softening makes a resonance unstable, that is the actuator
 /// that loses most of its stiffness.
-pub(crate) fn find_actuator_and_limit_of_error(
+pub(crate) fn find_actuator_of_motion_error_and_name_travel_as_limit(
     table: &PlanTable,
     error: MotionError,
     applied: &[VoltageAndPulseWidth; MAX_ACTUATORS],
@@ -150,7 +155,7 @@ pub(crate) fn build_driven_panel(
     let mut excitations =
         [Excitation { frequency: 0, frequency_hz: 0.0, voltage_v: 0.0, pulse_width: 0.5, phase_rad: 0.0 };
             MAX_ACTUATORS];
-    let window_phases = window_phase_of_each_drive_rad(drives, &applied);
+    let window_phases = window_phase_of_each_drive_keeping_relative_force_phases_rad(drives, &applied);
     for i in 0..p {
         transducers[i] = table.transducers.get(i).copied().unwrap_or(Transducer::with_fixed_force(0.0));
         let VoltageAndPulseWidth { voltage_v, pulse_width } = applied[i];

@@ -1,6 +1,6 @@
 //! What the odd harmonics of the square-edged forces move, up to the highest frequency that is felt.
 
-use crate::chosen_drive::{ChosenDrive, window_phase_of_each_drive_rad};
+use crate::chosen_drive::{ChosenDrive, window_phase_of_each_drive_keeping_relative_force_phases_rad};
 use crate::model::ReducedModel;
 use crate::motion::driven_panel::SettledMotion;
 use crate::response::CoordinateSolver;
@@ -30,7 +30,7 @@ pub(super) fn compute_harmonics_on_model(
     settled: &SettledMotion,
 ) -> DriveHarmonics {
     let solver = CoordinateSolver::new(model);
-    let window_phases = window_phase_of_each_drive_rad(drives, &settled.applied);
+    let window_phases = window_phase_of_each_drive_keeping_relative_force_phases_rad(drives, &settled.applied);
     let mut found = Vec::new();
     for (i, drive) in drives.iter().enumerate().filter(|(_, drive)| drive.force_n > 0.0) {
         let numbers = (1..).map(|k| f64::from(2 * k + 1));

@@ -55,7 +55,7 @@ pub(crate) fn compute_harmonics_at_place_refining_model_until_accurate(
 ) -> HarmonicsAt {
     let coarser = table.coarser.as_ref().map(|(models, estimator)| (models, estimator));
     let mut best =
-        compute_harmonic_sum_and_strongest_with_error_bounds_at_place(&table.model, coarser, drives, settled, place_m);
+        compute_harmonic_sum_and_most_felt_one_with_bounds_at_place(&table.model, coarser, drives, settled, place_m);
     if coarser.is_none() {
         return best;
     }
@@ -70,7 +70,7 @@ pub(crate) fn compute_harmonics_at_place_refining_model_until_accurate(
             break;
         }
         let Ok(own) = ReducedLevels::build(&table.scene, accuracy, highest_hz) else { break };
-        let found = compute_harmonic_sum_and_strongest_with_error_bounds_at_place(
+        let found = compute_harmonic_sum_and_most_felt_one_with_bounds_at_place(
             &own.fine,
             Some((&own.coarser, &own.estimator)),
             drives,
@@ -84,7 +84,7 @@ pub(crate) fn compute_harmonics_at_place_refining_model_until_accurate(
     best
 }
 
-fn compute_harmonic_sum_and_strongest_with_error_bounds_at_place(
+fn compute_harmonic_sum_and_most_felt_one_with_bounds_at_place(
     fine: &ReducedModel,
     coarser: Option<(&[ReducedModel; 2], &ErrorEstimator)>,
     drives: &[ChosenDrive],

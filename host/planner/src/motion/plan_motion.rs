@@ -5,7 +5,9 @@
 //! panel beside them is linear: the steady motion is a sum over the panel's poles ([`SwitchOnModel`]), each of
 //! which goes on by itself, and decays, once the forces have ended. [`crate::motion::residual`] adds up what several plans leave.
 
-use crate::chosen_drive::{ChosenDrive, VoltageAndPulseWidth, window_phase_of_each_drive_rad};
+use crate::chosen_drive::{
+    ChosenDrive, VoltageAndPulseWidth, window_phase_of_each_drive_keeping_relative_force_phases_rad,
+};
 use crate::drive::Drive;
 use crate::motion::driven_panel::build_driven_panel;
 use crate::motion::driven_panel::{UNMODELLED_TRAVEL, bound_harmonic_travel_of_each_mass_in_gaps_at_rest_m};
@@ -151,7 +153,7 @@ pub(crate) fn bound_travel_and_free_motion_of_drives_if_poles_known(
     }
     soft_m.iter_mut().zip(&at_once_m).for_each(|(soft, at_once)| *soft = soft.min(*at_once));
     let softening_n_per_m = bound_softening_of_each_drive_at_travel_limit_n_per_m(table, chosen, &applied, &motion);
-    let growth = compute_factor_by_which_softening_grows_motion(table, &softening_n_per_m);
+    let growth = compute_factor_by_which_softening_grows_existing_motion(table, &softening_n_per_m);
     Some(PlanMotion { limit_m, steady_m, at_once_m, soft_m, growth, lines })
 }
 
@@ -177,7 +179,10 @@ fn bound_softening_of_each_drive_at_travel_limit_n_per_m(
 }
 
 /// What softenings in N/m make of motions that there are already ([`PlanMotion::growth`]).
-fn compute_factor_by_which_softening_grows_motion(table: &PlanTable, softening_n_per_m: &PerActuator) -> PerActuator {
+fn compute_factor_by_which_softening_grows_existing_motion(
+    table: &PlanTable,
+    softening_n_per_m: &PerActuator,
+) -> PerActuator {
     table.static_receptance.map(|row| {
         let taken: f64 = row.iter().zip(softening_n_per_m).map(|(g, s)| if *s > 0.0 { g * s } else { 0.0 }).sum();
         (1.0 - taken.min(MAX_SOFTENING_UNDER_FREE_MOTION)).powf(-0.5)
@@ -218,7 +223,7 @@ pub fn build_motion_of_effect_with_known_travel_if_poles_known(
             *s = push.force_n * own.mean_softening_n_per_m_per_n(push.frequency_hz, 1.0) * grown;
         }
     }
-    let growth = compute_factor_by_which_softening_grows_motion(table, &softening_n_per_m);
+    let growth = compute_factor_by_which_softening_grows_existing_motion(table, &softening_n_per_m);
     Some(PlanMotion { limit_m: travel_limit_of_each_actuator_m(table), steady_m, at_once_m, soft_m, growth, lines })
 }
 
@@ -264,7 +269,7 @@ pub fn build_motion_of_voltage_windows_with_known_travel_if_poles_known(
         participations: pole_amplitudes_during_and_after.iter().zip(&gains_per_s).map(participation).collect(),
     };
     let [steady_m, at_once_m, soft_m] = [*travel_m; 3];
-    let growth = compute_factor_by_which_softening_grows_motion(table, &softening_n_per_m);
+    let growth = compute_factor_by_which_softening_grows_existing_motion(table, &softening_n_per_m);
     let limit_m = travel_limit_of_each_actuator_m(table);
     Some(PlanMotion { limit_m, steady_m, at_once_m, soft_m, growth, lines: vec![line] })
 }
@@ -339,7 +344,7 @@ fn build_odd_harmonic_force_lines(
     applied: &[VoltageAndPulseWidth; MAX_ACTUATORS],
 ) -> Vec<ForceLine> {
     let mut lines = Vec::new();
-    let window_phases = window_phase_of_each_drive_rad(chosen, applied);
+    let window_phases = window_phase_of_each_drive_keeping_relative_force_phases_rad(chosen, applied);
     let driven = chosen.iter().zip(applied).enumerate().filter(|(_, (drive, _))| drive.force_n > 0.0);
     for (j, (drive, applied)) in driven {
         let Some(own) = drive.row.get(j) else { continue };

@@ -138,7 +138,12 @@ impl CurrentDrives {
     }
 
     /// What of a pole is left of its beginning, and the most that it can have brought, at `at_s`.
-    fn start_transient_left_and_bound_on_pole_amplitude(&self, pole: usize, rate_per_s: f64, at_s: f64) -> (f64, f64) {
+    fn pole_amplitude_left_of_start_and_bound_on_amplitude_gained(
+        &self,
+        pole: usize,
+        rate_per_s: f64,
+        at_s: f64,
+    ) -> (f64, f64) {
         let time_s = (at_s - self.since_s).max(0.0);
         let gained = |line: &ForceLine| {
             line.participations.get(pole).map_or(0.0, |participation| participation.gain_per_s)
@@ -156,7 +161,8 @@ impl CurrentDrives {
     fn pole_amplitudes_after_end(&self, modes: &[PoleDecayAndTravel], end_s: f64) -> Vec<f64> {
         let is_over = self.drives.is_none() && end_s > self.until_s;
         let of = |(k, mode): (usize, &PoleDecayAndTravel)| {
-            let (start, most) = self.start_transient_left_and_bound_on_pole_amplitude(k, mode.rate_per_s, end_s);
+            let (start, most) =
+                self.pole_amplitude_left_of_start_and_bound_on_amplitude_gained(k, mode.rate_per_s, end_s);
             let left = if is_over {
                 pole_free_amplitude_after_rails_rise_or_effect(&self.lines, k)
             } else {
@@ -175,7 +181,9 @@ impl CurrentDrives {
         next_fraction: f64,
         end_s: f64,
     ) -> Vec<f64> {
-        let goes_on = |old: &ForceLine| next.iter().find(|new| old.can_continue_on_board_as(new, &self.lines));
+        let goes_on = |old: &ForceLine| {
+            next.iter().find(|new| old.can_change_to_new_line_at_period_boundary_without_restart(new, &self.lines))
+        };
         let pairs: Vec<(&ForceLine, Option<&ForceLine>)> = self.lines.iter().map(|old| (old, goes_on(old))).collect();
         let is_new =
             |new: &&ForceLine| !pairs.iter().any(|(_, known)| known.is_some_and(|known| std::ptr::eq(known, *new)));
@@ -184,7 +192,8 @@ impl CurrentDrives {
             line.participations.get(k).map_or(0.0, Participation::amplitude_ringing_after_force_ends)
         };
         let of = |(k, mode): (usize, &PoleDecayAndTravel)| {
-            let (start, most) = self.start_transient_left_and_bound_on_pole_amplitude(k, mode.rate_per_s, end_s);
+            let (start, most) =
+                self.pole_amplitude_left_of_start_and_bound_on_amplitude_gained(k, mode.rate_per_s, end_s);
             let changed =
                 |(old, new): &(&ForceLine, Option<&ForceLine>)| match new {
                     Some(new) => old.participations.get(k).zip(new.participations.get(k)).map_or(0.0, |(old, new)| {
@@ -217,7 +226,11 @@ fn pole_free_amplitude_after_rails_rise_or_effect(lines: &[ForceLine], pole: usi
 impl ForceLine {
     /// Whether the board lets this go on as `new` from the next boundary of its period: the timer of its channel does, unless
     /// it has to keep in phase with another's, now or before.
-    fn can_continue_on_board_as(&self, new: &ForceLine, current_lines: &[ForceLine]) -> bool {
+    fn can_change_to_new_line_at_period_boundary_without_restart(
+        &self,
+        new: &ForceLine,
+        current_lines: &[ForceLine],
+    ) -> bool {
         let is_anothers =
             |line: &ForceLine| line.channel != new.channel && (line.drive_hz - new.drive_hz).abs() < ONE_HZ;
         (self.channel, self.harmonic, self.phase_rad.to_bits()) == (new.channel, new.harmonic, new.phase_rad.to_bits())
@@ -292,7 +305,7 @@ impl ResidualVibration {
         board: RailState,
     ) -> f64 {
         if board == RailState::Driving
-            && self.are_drives_same_as_ongoing_ones_begun_recently(new_drives_unless_effect, now_s)
+            && self.are_drives_same_as_ongoing_ones_whose_board_burst_lasts(new_drives_unless_effect, now_s)
         {
             return 1.0;
         }
@@ -364,7 +377,7 @@ impl ResidualVibration {
     ) {
         self.begun += 1;
         if board == RailState::Driving
-            && self.are_drives_same_as_ongoing_ones_begun_recently(new_drives_unless_effect, now_s)
+            && self.are_drives_same_as_ongoing_ones_whose_board_burst_lasts(new_drives_unless_effect, now_s)
             && let Some(current) = &mut self.current
         {
             (current.id, current.until_s) = (id, until_s);
@@ -391,7 +404,7 @@ impl ResidualVibration {
             .as_ref()
             .map(|before| before.pole_amplitudes_after_end(&self.modes, before.latest_end_time_if_stopped_at_s(now_s)));
         self.record_end_of_current_drives(now_s, Ending::AtItsBoundary);
-        self.add_ended_drives_to_free_motions(now_s);
+        self.merge_recorded_endings_that_are_past_into_free_motions(now_s);
         let lowest_hz = motion.lines.iter().map(|line| line.drive_hz).fold(f64::INFINITY, f64::min);
         self.current = Some(CurrentDrives {
             id,
@@ -483,7 +496,7 @@ impl ResidualVibration {
     }
 
     /// Whether `new_drives_unless_effect` are what is driven.
-    fn are_drives_same_as_ongoing_ones_begun_recently(
+    fn are_drives_same_as_ongoing_ones_whose_board_burst_lasts(
         &self,
         new_drives_unless_effect: Option<&[Drive]>,
         now_s: f64,
@@ -496,7 +509,7 @@ impl ResidualVibration {
     }
 
     /// Adds what has ended by `now_s` to the free motions.
-    fn add_ended_drives_to_free_motions(&mut self, now_s: f64) {
+    fn merge_recorded_endings_that_are_past_into_free_motions(&mut self, now_s: f64) {
         let mut left = self.pole_amplitudes_after_time(&self.left, now_s - self.left_s);
         for (from_s, amplitudes) in self.ending.extract_if(.., |(from_s, _)| *from_s <= now_s).collect::<Vec<_>>() {
             let more = self.pole_amplitudes_after_time(&amplitudes, now_s - from_s);

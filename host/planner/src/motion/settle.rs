@@ -7,7 +7,8 @@
 
 use crate::chosen_drive::{ChosenDrive, VoltageAndPulseWidth};
 use crate::motion::driven_panel::{
-    SettledMotion, build_driven_panel, check_travel_with_harmonics_against_limits, find_actuator_and_limit_of_error,
+    SettledMotion, build_driven_panel, check_travel_with_harmonics_against_limits,
+    find_actuator_of_motion_error_and_name_travel_as_limit,
 };
 use crate::motion::strong_softening::check_limits_during_rise_with_harmonics;
 use crate::physics::limits::{
@@ -197,7 +198,7 @@ fn solve_safe_motion_at_scale(
     known_motion_and_scale: Option<(&SettledMotion, f64)>,
 ) -> Result<SettledMotion, (usize, Limit)> {
     let applied = compute_rail_voltages_and_pulse_widths_at_scale(table, drives, force_scale);
-    check_total_mean_supply_current(table, drives, &applied)?;
+    check_total_mean_supply_current_with_error_naming_actuator_0(table, drives, &applied)?;
     let problem = build_driven_panel(table, drives, applied);
     let (transducers, excitations) = (problem.transducers(), problem.excitations());
     let motion = match known_motion_and_scale {
@@ -210,7 +211,8 @@ fn solve_safe_motion_at_scale(
         ),
         _ => problem.solve_steady_motion(),
     };
-    let motion = motion.map_err(|error| find_actuator_and_limit_of_error(table, error, &applied))?;
+    let motion =
+        motion.map_err(|error| find_actuator_of_motion_error_and_name_travel_as_limit(table, error, &applied))?;
     if let Some(actuator) = find_first_actuator_near_pull_in_if_any(table, &motion.softening_n_per_m) {
         return Err((actuator, Limit::PullIn));
     }
@@ -263,7 +265,7 @@ fn compute_rail_voltages_and_pulse_widths_at_scale(
 }
 
 /// Checks the mean current of all electrodes, each charged once a period, and of the rails' bleeders against the supply.
-fn check_total_mean_supply_current(
+fn check_total_mean_supply_current_with_error_naming_actuator_0(
     table: &PlanTable,
     drives: &[ChosenDrive],
     applied: &[VoltageAndPulseWidth; MAX_ACTUATORS],

@@ -9,7 +9,8 @@
 use crate::chosen_drive::{ChosenDrive, VoltageAndPulseWidth};
 use crate::motion::driven_panel::{DrivenPanel, SettledMotion, bound_harmonic_travel_of_each_mass_in_gaps_at_rest_m};
 use crate::motion::driven_panel::{
-    build_driven_panel, check_travel_with_harmonics_against_limits, find_actuator_and_limit_of_error,
+    build_driven_panel, check_travel_with_harmonics_against_limits,
+    find_actuator_of_motion_error_and_name_travel_as_limit,
 };
 use crate::physics::limits::Limit;
 use crate::physics::softening::{
@@ -44,7 +45,7 @@ pub(crate) fn check_limits_during_rise_with_harmonics(
 ) -> Result<(), (usize, Limit)> {
     let (applied, motion) = (&settled.applied, &settled.motion);
     let problem = build_driven_panel(table, drives, *applied);
-    let named = |error| find_actuator_and_limit_of_error(table, error, applied);
+    let named = |error| find_actuator_of_motion_error_and_name_travel_as_limit(table, error, applied);
     // Without poles nothing is known of the way.
     let risen = largest_fundamental_travel_while_rails_rise_if_poles_known_m(table, drives, &problem, motion)
         .ok_or((0, Limit::Travel))?;
@@ -140,7 +141,7 @@ fn build_fundamental_and_harmonic_lines(
 /// Frequencies in Hz and peak accelerations in m/s^2, at the point with mode shapes `shape`, of the third and fifth
 /// harmonics in moving gaps: the pulsation of a spring at twice the drive's frequency turns its motion into force at
 /// three times that frequency. `None` if no such motion is found.
-pub(crate) fn hz_and_m_per_s2_of_third_and_fifth_harmonics_if_solved(
+pub(crate) fn solve_third_and_fifth_harmonic_hz_and_peaks_if_any_m_per_s2(
     table: &PlanTable,
     drives: &[ChosenDrive],
     settled: &SettledMotion,

@@ -141,7 +141,7 @@ impl Electrodes {
 
     /// Highest voltage in V that the remaining gap withstands, with a margin.
     #[must_use]
-    pub fn max_voltage_of_remaining_gap_v(&self, travel_m: f64) -> f64 {
+    pub fn breakdown_voltage_of_remaining_gap_with_margin_v(&self, travel_m: f64) -> f64 {
         BREAKDOWN_MARGIN * breakdown_voltage_v(self.remaining_gap_under_press_m(travel_m))
     }
 
@@ -214,7 +214,8 @@ impl Electrodes {
             if by_travel < by_voltage { (by_travel, Limit::Travel) } else { (by_voltage, Limit::Voltage) };
         // By how much a force's voltage is beyond what the gap that it closes holds.
         let beyond = |force: f64| {
-            (force / per_volt_squared).sqrt() - self.max_voltage_of_remaining_gap_v(force * travel_m_per_n)
+            (force / per_volt_squared).sqrt()
+                - self.breakdown_voltage_of_remaining_gap_with_margin_v(force * travel_m_per_n)
         };
         if beyond(most) <= 0.0 {
             return (most, limit);
@@ -376,7 +377,7 @@ mod tests {
             let own = Electrodes { gap_m, max_voltage_v: volts, stop_m: stop * gap_m, sag_m: sag * gap_m, charging, ..DEFAULT };
             let travel_m_per_n = 10.0_f64.powf(travel);
             let (force, limit) = own.find_max_force_n_and_limit(travel_m_per_n, HZ, PULSE);
-            let holds = |force: f64| own.voltage_for_force_v(force, HZ, PULSE) <= own.max_voltage_of_remaining_gap_v(force * travel_m_per_n);
+            let holds = |force: f64| own.voltage_for_force_v(force, HZ, PULSE) <= own.breakdown_voltage_of_remaining_gap_with_margin_v(force * travel_m_per_n);
             prop_assert!(force == 0.0 || holds(force * (1.0 - 1e-15)), "{force} {limit:?}");
             let otherwise = own.harmonic_force_n_per_v2(1, HZ, PULSE) * volts * volts;
             let otherwise = otherwise.min(own.max_travel_m() / travel_m_per_n);

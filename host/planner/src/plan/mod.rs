@@ -13,7 +13,8 @@ use crate::choose::search::PairFilter;
 use crate::choose::shared_frequency::drives::choose_drives_at_one_shared_frequency;
 use crate::chosen_drive::{
     ChosenDrive, PlanDrives, force_phase_relative_to_windows_rad, fundamental_acceleration_peak_at_point_m_per_s2,
-    group_drive_indices_by_frequency, is_one_near_3rd_5th_or_7th_harmonic_of_other, window_phase_of_each_drive_rad,
+    group_drive_indices_by_frequency, is_one_near_3rd_5th_or_7th_harmonic_of_other,
+    window_phase_of_each_drive_keeping_relative_force_phases_rad,
 };
 use crate::drive::Drive;
 use crate::millimetres;
@@ -282,12 +283,13 @@ fn choose_drives_within_present_quiet_zone_limits(
         && request.objective == Objective::Contrast
         && request.weigh == Weigh::Equal;
     let choices_for = |fits: &dyn Fn(f64, f64) -> bool| match wanted {
-        [wanted] if is_plain => formulation.shortlist_candidates_for_one_target(*wanted, fits),
+        [wanted] if is_plain => formulation.shortlist_for_one_target_estimating_energies_if_wish_unmet(*wanted, fits),
         _ => formulation.list_candidates_at_all_table_frequencies(wanted),
     };
     // Where another's harmonic meets a drive it changes, by an amount that no one asked for, what is felt there.
-    let best =
-        |fits: PairFilter<'_>| formulation.find_best_combination_replacing_estimated_energies(choices_for(fits), fits);
+    let best = |fits: PairFilter<'_>| {
+        formulation.find_best_combination_replacing_estimated_energies_at_most_once(choices_for(fits), fits)
+    };
     let (choices, found) = best(&|a, b| !is_one_near_3rd_5th_or_7th_harmonic_of_other(a, b))
         .or_else(|| best(&|_, _| true))
         .ok_or(PlanError::NoFrequencies)?;
@@ -300,7 +302,7 @@ pub(super) fn build_drives_with_settled_voltages(
     chosen: &[ChosenDrive],
     settled: &SettledMotion,
 ) -> Vec<Drive> {
-    let window_phases = window_phase_of_each_drive_rad(chosen, &settled.applied);
+    let window_phases = window_phase_of_each_drive_keeping_relative_force_phases_rad(chosen, &settled.applied);
     chosen
         .iter()
         .zip(window_phases)

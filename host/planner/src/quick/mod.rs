@@ -97,14 +97,14 @@ impl QuickPanel {
             count if count > MAX_ACTUATORS => return Err(PlanError::Actuators { count }.into()),
             _ => {}
         }
-        let table = self.build_table_on_coarse_grid(scene)?;
+        let table = self.build_strongest_drive_table_on_coarse_grid(scene)?;
         match scene.finger {
             None => weakest::find_place_of_least_achievable_peak_of_table(&table, measure, self.options.to_hz),
             Some(_) => self.find_place_of_least_achievable_peak_under_finger(scene, &table, measure, weakest::ROUGHLY),
         }
     }
 
-    fn build_table_on_coarse_grid(&self, scene: &Scene) -> Result<PlanTable, QuickError> {
+    fn build_strongest_drive_table_on_coarse_grid(&self, scene: &Scene) -> Result<PlanTable, QuickError> {
         let model = self.panel.couple_to_design(scene)?;
         let hz = frequencies::choose_frequencies_denser_near_modes_hz(&model, self.options);
         let grid = build_coarse_grid_for_first_search(scene, &model, self.options.to_hz);

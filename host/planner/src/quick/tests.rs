@@ -43,7 +43,7 @@ fn quick(scene: &Scene) -> WeakestPlace {
 fn thorough(scene: &Scene) -> Option<f64> {
     let model = PanelModel::build(scene, Accuracy::BALANCED, OPTIONS.to_hz)
         .ok()?
-        .reduce_with_residual_shapes_of_actuators_and_points(OPTIONS.to_hz, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(OPTIONS.to_hz, &[])
         .ok()?;
     let table = PlanTable::build(scene, model, OPTIONS).ok()?;
     Some(weakest_place_with_setting_per_place_if_frequencies_usable(&table, Measure::G)?.peak)
@@ -110,7 +110,7 @@ fn with_a_finger_it_is_the_least_of_all_places_that_are_touched() {
         });
         let model = PanelModel::build(&written, Accuracy::BALANCED, OPTIONS.to_hz)
             .unwrap()
-            .reduce_with_residual_shapes_of_actuators_and_points(OPTIONS.to_hz, &[]);
+            .reduce_with_residual_shapes_of_actuators_damping_and_points(OPTIONS.to_hz, &[]);
         let table = PlanTable::build(&written, model.unwrap(), OPTIONS).unwrap();
         let plan = table.plan(&[crate::Target { x_m, y_m, intensity_g: Some(1e6) }]).unwrap();
         let peak = plan.predicted.target_peak_g;
@@ -131,7 +131,7 @@ fn no_place_is_left_out_that_is_the_weakest() {
             stiffness_n_per_m: 400.0 * part * part,
         });
         let panel = QuickPanel::new(&scene, options).unwrap();
-        let table = panel.build_table_on_coarse_grid(&scene).unwrap();
+        let table = panel.build_strongest_drive_table_on_coarse_grid(&scene).unwrap();
         let look = |slack: f64| {
             panel.find_place_of_least_achievable_peak_under_finger(&scene, &table, Measure::G, slack).unwrap()
         };
@@ -147,7 +147,7 @@ fn its_drives_do_there_what_is_told() {
     let found = quick(&scene);
     let model = PanelModel::build(&scene, Accuracy::REFERENCE, OPTIONS.to_hz)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(OPTIONS.to_hz, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(OPTIONS.to_hz, &[])
         .unwrap();
     let shape = model.shape_deflections_at(found.at_m.0, found.at_m.1);
     let peak: f64 = found
@@ -215,7 +215,7 @@ fn what_cannot_be_driven_says_so() {
 fn frequencies_are_close_where_resonances_are() {
     let model = PanelModel::build(&plate(), Accuracy::FAST, 400.0)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[])
         .unwrap();
     let hz = frequencies::choose_frequencies_denser_near_modes_hz(&model, OPTIONS);
     assert!(hz[0] == 40.0 && hz[hz.len() - 1] == 400.0);

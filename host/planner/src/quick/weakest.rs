@@ -56,7 +56,9 @@ pub(super) fn find_place_of_least_achievable_peak_of_table(
     let of_grid: Vec<usize> = there.iter().map(|(point, _)| *point).collect();
     let shapes = table.grid.shapes.select_rows(&of_grid);
     let mut coarse = PointSearch::new(table, measure, places, &shapes).ok_or(PlanError::NoFrequencies)?;
-    let first = coarse.find_weakest_point_if_below(table, f64::INFINITY).ok_or(PlanError::NoFrequencies)?;
+    let first = coarse
+        .find_exact_weakest_point_if_below_and_update_estimates(table, f64::INFINITY)
+        .ok_or(PlanError::NoFrequencies)?;
     let found = refine_weakest_place_from_coarse_grid(table, max_hz, first, &coarse.known, &of_grid, |fine, below| {
         let mut shapes = DMatrix::zeros(fine.len(), table.model.count_coordinates());
         for (mut row, (x_m, y_m)) in shapes.row_iter_mut().zip(&fine) {
@@ -64,7 +66,7 @@ pub(super) fn find_place_of_least_achievable_peak_of_table(
         }
         Ok(PointSearch::new(table, measure, fine, &shapes)
             .ok_or(PlanError::NoFrequencies)?
-            .find_weakest_point_if_below(table, below))
+            .find_exact_weakest_point_if_below_and_update_estimates(table, below))
     })?;
     Ok(WeakestPlace { frequencies: table.frequencies_hz.len(), ..found })
 }
@@ -108,8 +110,8 @@ impl TouchedSearch<'_> {
         &self,
         places_m: &[(f64, f64)],
     ) -> Result<Vec<PointEstimate>, QuickError> {
-        let ask = |table: &PlanTable| Some(self.build_single_point_search(table)?.known[0]);
-        let known = self.touched.estimate_with_finger_on_each_place(
+        let ask = |table: &PlanTable| Some(self.build_single_point_search_if_spacing_can_be_kept(table)?.known[0]);
+        let known = self.touched.estimate_with_single_pole_overshoot_and_finger_on_each_place(
             places_m,
             |model| frequencies::choose_frequencies_denser_near_modes_hz(model, self.options),
             ask,
@@ -148,7 +150,9 @@ impl TouchedSearch<'_> {
         places_m: &[(f64, f64)],
     ) -> Result<Vec<WeakestPlace>, QuickError> {
         let ask = |table: &PlanTable| {
-            let found = self.build_single_point_search(table)?.find_weakest_point_if_below(table, f64::INFINITY)?;
+            let found = self
+                .build_single_point_search_if_spacing_can_be_kept(table)?
+                .find_exact_weakest_point_if_below_and_update_estimates(table, f64::INFINITY)?;
             Some(WeakestPlace { frequencies: table.frequencies_hz.len(), ..found })
         };
         let each = self.touched.evaluate_with_finger_on_each_place(
@@ -160,7 +164,7 @@ impl TouchedSearch<'_> {
     }
 
     /// The one point of a table.
-    fn build_single_point_search(&self, table: &PlanTable) -> Option<PointSearch> {
+    fn build_single_point_search_if_spacing_can_be_kept(&self, table: &PlanTable) -> Option<PointSearch> {
         let grid = &table.grid;
         let place_m = (*grid.x_m.first()?, *grid.y_m.first()?);
         PointSearch::new(table, self.measure, vec![place_m], &grid.shapes)
@@ -258,7 +262,11 @@ impl PointSearch {
 
     /// The weakest point, if it is weaker than `peak_limit`. What is found out about points on the way is kept. Masses that move far leave a part of what limits
     /// allow: points whose bound from below would be the weakest with the least such part that was met are looked at, too.
-    fn find_weakest_point_if_below(&mut self, table: &PlanTable, peak_limit: f64) -> Option<WeakestPlace> {
+    fn find_exact_weakest_point_if_below_and_update_estimates(
+        &mut self,
+        table: &PlanTable,
+        peak_limit: f64,
+    ) -> Option<WeakestPlace> {
         let mut order: Vec<usize> = (0..self.known.len()).collect();
         order.sort_by(|a, b| self.known[*a].least.total_cmp(&self.known[*b].least));
         let (mut least, mut found) = (peak_limit, None);

@@ -1,7 +1,9 @@
 //! The setting that is commanded: derated like a plan until it is safe, and the peaks that it makes.
 
 use super::measure::Measure;
-use crate::chosen_drive::{ChosenDrive, force_phase_relative_to_windows_rad, window_phase_of_each_drive_rad};
+use crate::chosen_drive::{
+    ChosenDrive, force_phase_relative_to_windows_rad, window_phase_of_each_drive_keeping_relative_force_phases_rad,
+};
 use crate::drive::Drive;
 use crate::motion::settle::derate_drives_until_safe_and_settle_if_possible;
 use crate::table::{ActuatorSetting, PlanTable, PulseOption};
@@ -63,7 +65,7 @@ pub fn derate_setting_to_safe_fraction_if_any(table: &PlanTable, setting: &mut [
         })
         .collect();
     let settled = derate_drives_until_safe_and_settle_if_possible(table, &mut drives)?;
-    let window_phases = window_phase_of_each_drive_rad(&drives, &settled.applied);
+    let window_phases = window_phase_of_each_drive_keeping_relative_force_phases_rad(&drives, &settled.applied);
     let safe = drives.iter().zip(&settled.applied).zip(window_phases).enumerate();
     for (part, (i, ((drive, applied), phase_rad))) in setting.iter_mut().zip(safe) {
         part.drive.force_n = drive.force_n;

@@ -157,6 +157,6 @@ fn weighted_full_force_peaks_of_each_entry(shapes: &DMatrix<f64>, entries: &[(Op
 /// Part of each shared limit that an actuator uses up at its largest force.
 fn usage_fraction_of_each_limit(limits: &SharedLimits, actuator: usize, entry: &Entry) -> Vec<f64> {
     let strongest = entry.widest_pulse_if_noticeably_stronger_else_quiet();
-    let loads = limits.load_per_n_on_each_limit(actuator, strongest).zip(&limits.allowed);
+    let loads = limits.load_per_n_on_each_limit_in_unit_of_limit(actuator, strongest).zip(&limits.allowed);
     loads.map(|(load, allowed)| load * strongest.max_force_n / allowed).collect()
 }

@@ -113,9 +113,9 @@ pub fn explain_plan(table: &PlanTable, request: &Request) -> Result<Explanation,
         (0..table.entries.len()).map(|i| list_frequencies_of_largest_contrast(table, &formulation, plan, i)).collect();
     let pulse_widths =
         WIDTHS.iter().map(|width| evaluate_force_and_harmonics_of_pulse_width(table, plan, *width)).collect();
-    let mut alternatives = vec![describe_alternative(table, "this plan".into(), &formulation, plan)];
+    let mut alternatives = vec![summarize_plan_as_alternative(table, "this plan".into(), &formulation, plan)];
     let mut add = |change: &str, request: Request| match table.plan_request(&request) {
-        Ok(plan) => alternatives.push(describe_alternative(table, change.into(), &formulation, &plan)),
+        Ok(plan) => alternatives.push(summarize_plan_as_alternative(table, change.into(), &formulation, &plan)),
         // What does not go together is no alternative.
         Err(PlanError::Together { .. }) => {}
         Err(error) => alternatives.push(Alternative {
@@ -234,7 +234,12 @@ fn mean_fundamental_over_that_of_instant_full_width_pulse(driven: &[PeriodicChar
 }
 
 /// The figures of an alternative plan.
-fn describe_alternative(table: &PlanTable, change: String, formulation: &Formulation<'_>, plan: &Plan) -> Alternative {
+fn summarize_plan_as_alternative(
+    table: &PlanTable,
+    change: String,
+    formulation: &Formulation<'_>,
+    plan: &Plan,
+) -> Alternative {
     let power = |(i, drive): (usize, &crate::drive::Drive)| {
         formulation.electrical_power_w_per_n(i, drive.frequency_hz, drive.pulse_width) * drive.force_n
     };
@@ -265,7 +270,11 @@ fn describe_best_added_actuator_if_channel_left(
     let rows: &[f64] = if surface.kind == SurfaceKind::Bar { &PLACES[1..2] } else { &PLACES };
     let mut best: Option<Alternative> = None;
     for (x, y) in rows.iter().flat_map(|y| PLACES.iter().map(move |x| (*x, *y))) {
-        let Ok(place) = table.scene.surface_point_at(x * surface.length_m, y * surface.width_m) else { continue };
+        let Ok(place) =
+            table.scene.surface_or_bar_axis_point_outside_cutouts(x * surface.length_m, y * surface.width_m)
+        else {
+            continue;
+        };
         let (x_m, y_m) = place.coordinates_m();
         let is_taken = |other: &crate::scene::Actuator| (other.x_m - x_m).hypot(other.y_m - y_m) < 1e-3;
         if table.scene.actuators.iter().any(is_taken) {
@@ -287,7 +296,7 @@ fn describe_best_added_actuator_if_channel_left(
             x_m * 1e3,
             y_m * 1e3
         );
-        let found = describe_alternative(&table, change, &Formulation::new(&table, &request), &plan);
+        let found = summarize_plan_as_alternative(&table, change, &Formulation::new(&table, &request), &plan);
         let is_better = |best: &Alternative| {
             let (more, less) = (found.target_peak_g, best.target_peak_g);
             more > less * (1.0 + 1e-6) || more >= less * (1.0 - 1e-6) && found.contrast_db > best.contrast_db

@@ -9,7 +9,7 @@ use crate::table::press::{PressEffect, Stop, recompute_mass_travel_by_press_and_
 /// Bound on the relative error of how far a press alone moves an actuator's mass ([`PressEffect::alone_m`]), by the coarser models. It is that of the panel, which
 /// is linear, whatever the force and wherever the mass meets an electrode.
 #[must_use]
-pub fn bound_relative_press_travel_error(table: &PlanTable, actuator: usize) -> Bound {
+pub fn bound_relative_mesh_error_of_travel_by_press_alone(table: &PlanTable, actuator: usize) -> Bound {
     let Some(([middle, coarse], estimator)) = &table.coarser else {
         return Bound::Unknown("no coarser model was computed for a comparison");
     };
@@ -21,7 +21,7 @@ pub fn bound_relative_press_travel_error(table: &PlanTable, actuator: usize) -> 
     };
     let at = |model: &ReducedModel| {
         let q = model
-            .steady_coordinates_per_newton_unless_driving_free_motion(actuator)
+            .steady_coordinates_per_newton_unless_absent_or_driving_free_motion(actuator)
             .filter(|_| model.is_surface_held())?;
         Some(model.shape_deflections_at(pressed.at_m.0, pressed.at_m.1).dot(&q))
     };

@@ -2,7 +2,7 @@
 
 use crate::physics::limits::Electrodes;
 use crate::reports::press_bounds::{
-    bound_relative_mesh_error_of_sag_under_press_and_electrode_pull, bound_relative_press_travel_error,
+    bound_relative_mesh_error_of_sag_under_press_and_electrode_pull, bound_relative_mesh_error_of_travel_by_press_alone,
 };
 use crate::scene::Actuator;
 use crate::table::PlanTable;
@@ -55,14 +55,14 @@ pub fn build_press_report(table: &PlanTable) -> PressReport {
             actuator: actuator.id.clone(),
             at_mm: [pressed.at_m.0 * 1e3, pressed.at_m.1 * 1e3],
             alone_um: finite(pressed.alone_m * 1e6),
-            error_bound: bound_relative_press_travel_error(table, i).limit_if_known(),
+            error_bound: bound_relative_mesh_error_of_travel_by_press_alone(table, i).limit_if_known(),
             sag_um: pressed.sag_m * 1e6,
             sag_error_bound: bound_relative_mesh_error_of_sag_under_press_and_electrode_pull(table, i).limit_if_known(),
             stop: pressed.stop,
             stop_um: finite(pressed.stop_m * 1e6),
             stiffness_n_per_m: pressed.stiffness_n_per_m,
             gap_left_um: electrodes.remaining_gap_under_press_m(0.0) * 1e6,
-            holds_v: electrodes.max_voltage_of_remaining_gap_v(0.0).min(electrodes.max_voltage_v),
+            holds_v: electrodes.breakdown_voltage_of_remaining_gap_with_margin_v(0.0).min(electrodes.max_voltage_v),
         };
     PressReport { force_n: table.scene.press_n, actuators: all.map(report).collect() }
 }

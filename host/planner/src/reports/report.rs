@@ -2,7 +2,7 @@
 
 use crate::motion::harmonics::compute_drive_harmonics_on_finest_model;
 use crate::motion::harmonics_at::compute_harmonics_at_place_refining_model_until_accurate;
-use crate::motion::strong_softening::hz_and_m_per_s2_of_third_and_fifth_harmonics_if_solved;
+use crate::motion::strong_softening::solve_third_and_fifth_harmonic_hz_and_peaks_if_any_m_per_s2;
 use crate::perception::threshold_multiple_to_db_unless_at_rest;
 use crate::plan::{Plan, Planned};
 use crate::table::PlanTable;
@@ -74,7 +74,7 @@ pub fn build_harmonics_and_timing_report_at_first_target(table: &PlanTable, plan
         shape.map(|shape| motions.harmonic_hz_and_peaks_at_point(shape).collect()).unwrap_or_default();
     // What comes to them in moving gaps.
     let moving = shape.and_then(|shape| {
-        hz_and_m_per_s2_of_third_and_fifth_harmonics_if_solved(table, &planned.drives, &planned.settled, shape)
+        solve_third_and_fifth_harmonic_hz_and_peaks_if_any_m_per_s2(table, &planned.drives, &planned.settled, shape)
     });
     let at_rest = |hz: f64| harmonics.iter().filter(|(own, _)| *own == hz).map(|(_, peak)| peak).sum::<f64>();
     let felt = moving.iter().flatten().filter(|(hz, _)| *hz <= HIGHEST_FELT_HZ);

@@ -90,8 +90,8 @@ fn chord_rule_points_of_cut_disc(
         add_disc_points_in_rectangle(&mut points, centre, earlier_targets, rules, [(0.0, corner.0), (0.0, corner.1)]);
         return points;
     }
-    for rows in layout.border_lines_y_m().windows(2) {
-        for columns in layout.border_lines_x_m().windows(2) {
+    for rows in layout.border_lines_and_outer_edges_y_m().windows(2) {
+        for columns in layout.border_lines_and_outer_edges_x_m().windows(2) {
             if layout.layer_at_unless_cut_out(0.5 * (columns[0] + columns[1]), 0.5 * (rows[0] + rows[1])).is_some() {
                 add_disc_points_in_rectangle(
                     &mut points,

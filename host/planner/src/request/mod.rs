@@ -281,13 +281,15 @@ pub(crate) fn check_request_and_snap_to_surface_returning_wanted_peaks_g(
     }
     let mut request = request.clone();
     for quiet in &mut request.quiet {
-        (quiet.x_m, quiet.y_m) = table.scene.surface_point_at(quiet.x_m, quiet.y_m)?.coordinates_m();
+        (quiet.x_m, quiet.y_m) =
+            table.scene.surface_or_bar_axis_point_outside_cutouts(quiet.x_m, quiet.y_m)?.coordinates_m();
         check_range("radius_mm", quiet.radius_m, 0.0, MAX_QUIET_RADIUS_M, 1e3)?;
         check_range("at_most_g", quiet.at_most_g, 0.0, f64::INFINITY, 1.0)?;
     }
     let mut wanted_g = Vec::with_capacity(request.targets.len());
     for target in &mut request.targets {
-        (target.x_m, target.y_m) = table.scene.surface_point_at(target.x_m, target.y_m)?.coordinates_m();
+        (target.x_m, target.y_m) =
+            table.scene.surface_or_bar_axis_point_outside_cutouts(target.x_m, target.y_m)?.coordinates_m();
         let intensity_g = target.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
         check_range("intensity_g", intensity_g, 0.0, f64::INFINITY, 1.0)?;
         wanted_g.push(intensity_g);

@@ -52,7 +52,11 @@ impl TargetZone {
         for (_, weight) in &mut points {
             *weight /= sum;
         }
-        Self { targets: shapes, points, part: (area / table.scene.surface_area_m2()).min(MOST_PART) }
+        Self {
+            targets: shapes,
+            points,
+            part: (area / table.scene.surface_area_less_cutouts_ignoring_bar_steps_m2()).min(MOST_PART),
+        }
     }
 
     /// Mode shapes at the points of the quadrature, and their weights.

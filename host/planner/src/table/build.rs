@@ -246,8 +246,12 @@ fn compute_entries_of_all_actuators_unless_unbounded(
         Err(error) if error.is_unbounded() => return Ok(None),
         Err(error) => return Err(error),
     };
-    let harmonics =
-        compute_response_at_each_odd_harmonic(model, solver, purpose.is_for_plans().then_some(products), frequency_hz);
+    let harmonics = compute_mean_squares_and_travel_at_each_odd_harmonic(
+        model,
+        solver,
+        purpose.is_for_plans().then_some(products),
+        frequency_hz,
+    );
     let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
     let entries = coordinates.into_iter().zip(drivers).enumerate().map(|(actuator, (displacement, driver))| {
         let travel = compute_travel_of_each_actuator(model, &displacement);
@@ -373,7 +377,7 @@ struct HarmonicResponse {
 /// The responses at every odd harmonic up to the highest frequency that is felt, and at [`HARMONICS`] in any case.
 /// Without `products` only [`HARMONICS`] are computed, without mean squares. A harmonic with an unbounded response is
 /// left out: that is an undamped resonance, which a force edge of finite length does not excite.
-fn compute_response_at_each_odd_harmonic(
+fn compute_mean_squares_and_travel_at_each_odd_harmonic(
     model: &ReducedModel,
     solver: &CoordinateSolver<'_>,
     products: Option<&DMatrix<f64>>,
@@ -472,7 +476,7 @@ pub(super) fn mean_magnitude_and_bounds_of_square_and_slope(
 /// times the ratio of the two at the neighbouring frequencies; the harmonics are those of the frequency below. If
 /// `compute_limits_only_for` is given, forces and pulse widths are computed for that actuator only, and the others keep those of the
 /// frequency below.
-pub(super) fn compute_entries_of_all_actuators_off_grid(
+pub(super) fn look_up_or_compute_entries_of_all_actuators_at_hz(
     table: &PlanTable,
     frequency_hz: f64,
     compute_limits_only_for: Option<usize>,

@@ -35,7 +35,7 @@ impl EfficiencyBounds {
             SurfaceKind::Plate => std::f64::consts::PI * TARGET_RADIUS_M * TARGET_RADIUS_M,
             SurfaceKind::Bar => 2.0 * TARGET_RADIUS_M * surface.width_m,
         };
-        let part = (disc / scene.surface_area_m2()).min(0.9);
+        let part = (disc / scene.surface_area_less_cutouts_ignoring_bar_steps_m2()).min(0.9);
         let rest = 1.0 - part;
         let quiet = |entry: &Entry| {
             entry.widths[0].harmonics.min(entry.widest_pulse_if_noticeably_stronger_else_quiet().harmonics)

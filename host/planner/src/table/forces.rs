@@ -54,7 +54,7 @@ pub(crate) fn bound_travel_with_harmonics_and_overshoot_m_per_n(
         overshoot: &overshoot,
         charging: entry.charging,
     };
-    bound_travel_of_each_actuator_m_per_n(motion, pulse_width)
+    sum_fundamental_harmonic_and_overshoot_travel_m_per_n(motion, pulse_width)
 }
 
 /// Largest travel in m that the `harmonic_count` odd harmonics add to every actuator, per N of the fundamental.
@@ -139,7 +139,10 @@ pub(super) fn compute_travel_overshoots_m_per_n_and_rail_voltage_at_max_force(
 }
 
 /// Sum of the moduli of fundamental, harmonics and overshoot for every actuator.
-fn bound_travel_of_each_actuator_m_per_n(motion: MotionPerN<'_>, pulse_width: f64) -> [f64; MAX_ACTUATORS] {
+fn sum_fundamental_harmonic_and_overshoot_travel_m_per_n(
+    motion: MotionPerN<'_>,
+    pulse_width: f64,
+) -> [f64; MAX_ACTUATORS] {
     let mut out = sum_weighted_harmonic_travel_of_each_actuator(motion.harmonics, motion.charging, pulse_width);
     for (out, (travel, overshoot)) in out.iter_mut().zip(motion.travel.iter().zip(motion.overshoot)) {
         *out += travel.norm() + overshoot;
@@ -167,7 +170,7 @@ pub(super) fn build_pulse_option_with_max_force(
     [harmonics, felt_harmonics]: [f64; 2],
 ) -> PulseOption {
     let DriverModel { electrodes, transducer, static_receptance } = driver;
-    let travel_m_per_n = bound_travel_of_each_actuator_m_per_n(motion, pulse_width);
+    let travel_m_per_n = sum_fundamental_harmonic_and_overshoot_travel_m_per_n(motion, pulse_width);
     let own = travel_m_per_n.get(actuator).copied().unwrap_or(0.0);
     let most = electrodes.find_max_force_n_and_limit(own, frequency_hz, pulse_width);
     // What a bias already took off its spring is in the model.

@@ -181,9 +181,9 @@ fn gregory_weights(points: usize) -> Vec<f64> {
 fn grid_weights_around_cutouts(layout: &SurfaceLayout, x_m: &[f64], y_m: &[f64], has_surface: &[bool]) -> Vec<f64> {
     let columns = x_m.len();
     let mut weights = vec![0.0; has_surface.len()];
-    for (bottom, top) in consecutive_pairs(layout.border_lines_y_m()) {
+    for (bottom, top) in consecutive_pairs(layout.border_lines_and_outer_edges_y_m()) {
         let along_y = integrate_hat_functions(y_m, bottom, top);
-        for (left, right) in consecutive_pairs(layout.border_lines_x_m()) {
+        for (left, right) in consecutive_pairs(layout.border_lines_and_outer_edges_x_m()) {
             if layout.layer_at_unless_cut_out(0.5 * (left + right), 0.5 * (bottom + top)).is_some() {
                 let along_x = integrate_hat_functions(x_m, left, right);
                 let shares = along_y.iter().flat_map(|v| along_x.iter().map(move |u| u * v));
@@ -264,7 +264,7 @@ mod tests {
                     assert_eq!((grid.y_m[0], grid.y_m.last()), (0.0, Some(&width)));
                 }
                 let exact = |x: f64, y: f64| {
-                    scene.surface.surface_point_on_rectangle_even_in_cutout(x, y).unwrap().coordinates_m() == (x, y)
+                    scene.surface.surface_or_bar_axis_point_even_in_cutout(x, y).unwrap().coordinates_m() == (x, y)
                 };
                 assert!(grid.x_m.iter().all(|x| exact(*x, grid.y_m[0])), "{length} x {width}");
                 assert!(grid.y_m.iter().all(|y| exact(0.0, *y)), "{length} x {width}");

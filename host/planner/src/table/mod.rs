@@ -192,9 +192,9 @@ impl PlanTable {
     /// than every gap on that rail withstands under a press with its mass at rest. Plans have lower limits, because
     /// their masses move.
     #[must_use]
-    pub fn max_standby_voltage_of_each_actuator_v(&self) -> Vec<f64> {
+    pub fn max_rail_voltage_with_masses_at_rest_of_each_actuator_v(&self) -> Vec<f64> {
         let holds_v = |electrodes: &Electrodes| {
-            electrodes.max_voltage_v.min(electrodes.max_voltage_of_remaining_gap_v(0.0)).max(0.0)
+            electrodes.max_voltage_v.min(electrodes.breakdown_voltage_of_remaining_gap_with_margin_v(0.0)).max(0.0)
         };
         let of_rail = |i: usize| {
             let fed = self
@@ -321,7 +321,7 @@ impl PlanTable {
     /// # Errors
     /// [`ResponseError::Unbounded`].
     pub fn compute_entries_of_all_actuators_at_hz(&self, frequency_hz: f64) -> Result<Vec<Entry>, ResponseError> {
-        build::compute_entries_of_all_actuators_off_grid(self, frequency_hz, None)
+        build::look_up_or_compute_entries_of_all_actuators_at_hz(self, frequency_hz, None)
     }
 
     /// The same entries, with force limits and pulse widths for `compute_limits_only_for` alone: those of the other actuators are
@@ -331,7 +331,7 @@ impl PlanTable {
         frequency_hz: f64,
         compute_limits_only_for: usize,
     ) -> Result<Vec<Entry>, ResponseError> {
-        build::compute_entries_of_all_actuators_off_grid(self, frequency_hz, Some(compute_limits_only_for))
+        build::look_up_or_compute_entries_of_all_actuators_at_hz(self, frequency_hz, Some(compute_limits_only_for))
     }
 
     /// Mean square over the surface of a motion with these coordinates.

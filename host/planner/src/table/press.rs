@@ -80,8 +80,9 @@ pub fn compute_sag_and_stop_under_press_for_each_actuator(
     let p = electrodes.len().min(MAX_ACTUATORS);
     // Where a press moves the panel without end there is no steady place.
     let is_held = model.is_surface_held();
-    let steady: Vec<Option<DVector<f64>>> =
-        (0..p).map(|i| model.steady_coordinates_per_newton_unless_driving_free_motion(i).filter(|_| is_held)).collect();
+    let steady: Vec<Option<DVector<f64>>> = (0..p)
+        .map(|i| model.steady_coordinates_per_newton_unless_absent_or_driving_free_motion(i).filter(|_| is_held))
+        .collect();
     let alone: Vec<((f64, f64), f64)> = (0..p)
         .map(|i| {
             // The mass of an inertial ERA follows what is steady.
@@ -152,7 +153,8 @@ fn find_stiffness_to_add_against_press_if_possible_n_per_m(
     mut places: Vec<(f64, f64)>,
 ) -> Option<Vec<f64>> {
     let p = steady_coordinates.len();
-    let receptance = model.steady_travel_or_infinity_if_driving_free_motion_m_per_n().view((0, 0), (p, p)).into_owned();
+    let receptance =
+        model.steady_travel_in_gaps_or_infinity_if_driving_free_motion_m_per_n().view((0, 0), (p, p)).into_owned();
     let pulls_n: Vec<f64> = (0..p)
         .map(|i| {
             softening_n_per_m[i]
@@ -299,7 +301,7 @@ pub fn recompute_mass_travel_by_press_and_pull_on_other_model_m(
         .enumerate()
         .map(|(i, PressEffect { at_m, alone_m, .. })| {
             let coordinates = model
-                .steady_coordinates_per_newton_unless_driving_free_motion(i)
+                .steady_coordinates_per_newton_unless_absent_or_driving_free_motion(i)
                 .filter(|_| is_held && alone_m.is_finite());
             let moved = coordinates.map(|q| scene.press_n * model.shape_deflections_at(at_m.0, at_m.1).dot(&q).abs());
             // One that follows what is steady stays where it is.

@@ -24,10 +24,10 @@ const MOST_GAUSS_POINTS: f64 = 256.0;
 pub(super) fn compute_mean_shape_products_over_surface(scene: &Scene, model: &ReducedModel) -> DMatrix<f64> {
     let layout = scene.layout();
     let wave_m = shortest_bending_wavelength_m(scene, HIGHEST_FELT_HZ);
-    let x = gauss_points_and_weights(layout.border_lines_x_m(), wave_m);
+    let x = gauss_points_and_weights(layout.border_lines_and_outer_edges_x_m(), wave_m);
     let y = match scene.surface.kind {
         SurfaceKind::Bar => vec![(scene.surface.width_m / 2.0, 1.0)],
-        SurfaceKind::Plate => gauss_points_and_weights(layout.border_lines_y_m(), wave_m),
+        SurfaceKind::Plate => gauss_points_and_weights(layout.border_lines_and_outer_edges_y_m(), wave_m),
     };
     let x_m: Vec<f64> = x.iter().map(|(at, _)| *at).collect();
     let mut products = DMatrix::zeros(model.count_coordinates(), model.count_coordinates());
@@ -79,7 +79,8 @@ mod tests {
             });
             cells.collect()
         };
-        let (x, y) = (middles(layout.border_lines_x_m()), middles(layout.border_lines_y_m()));
+        let (x, y) =
+            (middles(layout.border_lines_and_outer_edges_x_m()), middles(layout.border_lines_and_outer_edges_y_m()));
         let x_m: Vec<f64> = x.iter().map(|(at, _)| *at).collect();
         let (mut sum, mut area) = (0.0, 0.0);
         for (y_m, height) in &y {
@@ -103,7 +104,7 @@ mod tests {
             let scene = Scene::parse("plate", text).unwrap();
             let model = PanelModel::build(&scene, Accuracy::FAST, 400.0)
                 .unwrap()
-                .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+                .reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[])
                 .unwrap();
             let products = compute_mean_shape_products_over_surface(&scene, &model);
             for frequency_hz in [60.0, 287.0, 400.0] {

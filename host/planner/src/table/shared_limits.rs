@@ -85,8 +85,9 @@ impl SharedLimits {
                 let most: f64 = (0..p)
                     .map(|j| {
                         let load = |entry: &Entry| {
-                            let of =
-                                |width: &PulseOption| limits.load_per_n_on_limit(row, j, width) * width.max_force_n;
+                            let of = |width: &PulseOption| {
+                                limits.load_per_n_on_limit_in_unit_of_limit(row, j, width) * width.max_force_n
+                            };
                             entry.widths.iter().map(of).fold(0.0, f64::max)
                         };
                         entries.get(j).into_iter().flatten().flatten().map(load).fold(0.0, f64::max)
@@ -102,15 +103,15 @@ impl SharedLimits {
     }
 
     /// What one newton of actuator `actuator` with the pulse option `pulse` uses of every row.
-    pub fn load_per_n_on_each_limit<'a>(
+    pub fn load_per_n_on_each_limit_in_unit_of_limit<'a>(
         &'a self,
         actuator: usize,
         pulse: &'a PulseOption,
     ) -> impl Iterator<Item = f64> + 'a {
-        self.rows.iter().map(move |row| self.load_per_n_on_limit(*row, actuator, pulse))
+        self.rows.iter().map(move |row| self.load_per_n_on_limit_in_unit_of_limit(*row, actuator, pulse))
     }
 
-    fn load_per_n_on_limit(&self, row: LimitRow, actuator: usize, pulse: &PulseOption) -> f64 {
+    fn load_per_n_on_limit_in_unit_of_limit(&self, row: LimitRow, actuator: usize, pulse: &PulseOption) -> f64 {
         let travel = pulse.travel_m_per_n.get(row.actuator).copied().unwrap_or(0.0);
         let Some(electrodes) = self.electrodes.get(actuator) else { return 0.0 };
         match row.kind {
@@ -135,7 +136,7 @@ impl SharedLimits {
             forces
                 .iter()
                 .enumerate()
-                .map(move |(j, (width, force_n))| self.load_per_n_on_limit(row, j, width) * force_n)
+                .map(move |(j, (width, force_n))| self.load_per_n_on_limit_in_unit_of_limit(row, j, width) * force_n)
         };
         let is_used = |(at, row): &(usize, &LimitRow)| load(**row).sum::<f64>() >= fraction * self.allowed[*at];
         self.rows.iter().enumerate().filter(is_used).map(|(at, _)| at).collect()

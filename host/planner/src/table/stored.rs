@@ -86,7 +86,7 @@ impl StoredTable {
     ///
     /// # Errors
     /// [`ImplausibleStore`], if it cannot be that of this scene with these options.
-    pub fn restore_table(
+    pub fn recompute_table_and_fill_in_stored_parts_if_plausible(
         self,
         scene: &Scene,
         accuracy: Accuracy,

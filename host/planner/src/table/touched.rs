@@ -51,7 +51,7 @@ impl<'a> TouchedPanel<'a> {
         frequencies_hz: impl Fn(&ReducedModel) -> Vec<f64> + Sync,
         ask: impl Fn(&PlanTable) -> T + Sync,
     ) -> Result<Vec<T>, TouchedError> {
-        self.evaluate_table_at_each_touched_place(
+        self.build_table_and_ask_with_finger_on_each_place(
             places_m,
             TablePurpose::Strongest(Some(self.untouched)),
             frequencies_hz,
@@ -64,16 +64,21 @@ impl<'a> TouchedPanel<'a> {
     ///
     /// # Errors
     /// As [`Self::evaluate_with_finger_on_each_place`].
-    pub fn estimate_with_finger_on_each_place<T: Send>(
+    pub fn estimate_with_single_pole_overshoot_and_finger_on_each_place<T: Send>(
         &self,
         places_m: &[(f64, f64)],
         frequencies_hz: impl Fn(&ReducedModel) -> Vec<f64> + Sync,
         ask: impl Fn(&PlanTable) -> T + Sync,
     ) -> Result<Vec<T>, TouchedError> {
-        self.evaluate_table_at_each_touched_place(places_m, TablePurpose::Roughly(self.untouched), frequencies_hz, ask)
+        self.build_table_and_ask_with_finger_on_each_place(
+            places_m,
+            TablePurpose::Roughly(self.untouched),
+            frequencies_hz,
+            ask,
+        )
     }
 
-    fn evaluate_table_at_each_touched_place<T: Send>(
+    fn build_table_and_ask_with_finger_on_each_place<T: Send>(
         &self,
         places_m: &[(f64, f64)],
         purpose: TablePurpose<'_>,

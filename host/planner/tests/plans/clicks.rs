@@ -7,7 +7,7 @@ use era_planner::Target;
 use era_planner::click::{ClickDesign, ClickOptions, Preference, design_click_windows};
 use era_planner::effects::intensity::mode_shape_values_at_point_or_on_bar_axis;
 use era_planner::effects::{
-    EffectRequest, NamedEffect, design_effect, design_effect_of_windows_if_click_else_of_drives,
+    EffectRequest, NamedEffect, design_effect, design_effect_of_windows_if_common_click_exists_else_of_drives,
 };
 use era_shared::waveform::Segment;
 
@@ -73,8 +73,14 @@ fn a_finger_without_intensity_does_not_change_a_click() {
     let design = |targets: &[Target]| {
         let plan = table.plan(targets).unwrap();
         let request = EffectRequest::with_defaults(NamedEffect::Click);
-        design_effect_of_windows_if_click_else_of_drives(&table, poles, &plan, request, ClickOptions::default())
-            .unwrap()
+        design_effect_of_windows_if_common_click_exists_else_of_drives(
+            &table,
+            poles,
+            &plan,
+            request,
+            ClickOptions::default(),
+        )
+        .unwrap()
     };
     let clicking = Target { x_m: 0.06, y_m: 0.05, intensity_g: Some(0.3) };
     let resting = Target { x_m: 0.24, y_m: 0.15, intensity_g: Some(0.0) };
@@ -98,7 +104,7 @@ fn a_weakened_click_is_quieter() {
     let request = EffectRequest::with_defaults(NamedEffect::Click);
     let design = |force_fraction: f64| {
         let options = ClickOptions { force_fraction, ..ClickOptions::default() };
-        design_effect_of_windows_if_click_else_of_drives(&table, poles, &plan, request, options).unwrap()
+        design_effect_of_windows_if_common_click_exists_else_of_drives(&table, poles, &plan, request, options).unwrap()
     };
     let (whole, half) = (design(1.0), design(0.5));
     let [weakened_db, half_db] =
@@ -159,7 +165,8 @@ fn rails_that_stand_higher_change_a_click_little() {
             let request = EffectRequest::with_defaults(NamedEffect::Click);
             let design = |standing_rails_v: [f64; 2]| {
                 let options = ClickOptions { standing_rails_v, ..ClickOptions::default() };
-                design_effect_of_windows_if_click_else_of_drives(&table, poles, &plan, request, options).unwrap()
+                design_effect_of_windows_if_common_click_exists_else_of_drives(&table, poles, &plan, request, options)
+                    .unwrap()
             };
             let own = design([0.0; 2]);
             let needed_v = own.find_rail_voltages_v();

@@ -111,7 +111,7 @@ fn a_region_is_a_part_of_the_surface() {
 #[test]
 fn rigid_motion_is_told_from_bending() {
     let table = table(EXAMPLE_BAR, COARSE);
-    let first = rigid::first_driven_bending_mode_if_any_hz(&table).unwrap();
+    let first = rigid::first_bending_mode_moving_surface_if_any_hz(&table).unwrap();
     assert!((100.0..170.0).contains(&first), "{first}");
     let setting = |hz: f64| -> Vec<ActuatorSetting> {
         let frequency = table.frequencies_hz.iter().position(|other| *other == hz).unwrap();

@@ -220,7 +220,7 @@ fn the_more_a_finger_damps_the_less_moves_under_it() {
         let scene = scene(&text).replace_finger_by_masses_and_supports_at_places(&[place]);
         let model = PanelModel::build(&scene, Accuracy::BALANCED, 400.0)
             .unwrap()
-            .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[place])
+            .reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[place])
             .unwrap();
         let shape = model.shape_deflections_at(place.0, place.1);
         era_model::response::compute_acceleration_curves_per_newton(&model, &shape, &frequencies_hz())

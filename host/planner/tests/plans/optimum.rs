@@ -49,7 +49,7 @@ fn the_planner_finds_what_exhaustive_search_finds() {
                 let wanted = intensity_g * STANDARD_GRAVITY;
                 let (all, short) = (
                     formulation.list_candidates_at_all_table_frequencies(&[wanted]),
-                    formulation.shortlist_candidates_for_one_target(wanted, &any),
+                    formulation.shortlist_for_one_target_estimating_energies_if_wish_unmet(wanted, &any),
                 );
                 let both = all
                     .find_best_combination_if_spacing_can_be_kept(&any)
@@ -112,8 +112,8 @@ fn the_planner_finds_what_exhaustive_search_finds() {
                 if wanted.len() == 1 && quiet.is_empty() && objective == Objective::Contrast {
                     // From the bounds alone nothing is dropped that is part of it.
                     let (_, found) = formulation
-                        .find_best_combination_replacing_estimated_energies(
-                            formulation.shortlist_candidates_for_one_target(wanted[0], &any),
+                        .find_best_combination_replacing_estimated_energies_at_most_once(
+                            formulation.shortlist_for_one_target_estimating_energies_if_wish_unmet(wanted[0], &any),
                             &any,
                         )
                         .unwrap();

@@ -6,7 +6,7 @@ use era_model::model::{Accuracy, BarePanel};
 use era_model::scene::random::random_scene_text;
 use era_model::scene::{EXAMPLE_BAR, EdgeKind, Finger, Mass, ModalRatio, Mount, STARTING_PLATE, Scene, SurfaceDamping};
 use era_planner::press_bounds::{
-    bound_relative_mesh_error_of_sag_under_press_and_electrode_pull, bound_relative_press_travel_error,
+    bound_relative_mesh_error_of_sag_under_press_and_electrode_pull, bound_relative_mesh_error_of_travel_by_press_alone,
 };
 use era_planner::softening::static_receptance_magnitude_or_infinity_m_per_n;
 use era_planner::{PlanTable, TableOptions};
@@ -147,8 +147,9 @@ fn nothing_but_springs_changes_what_a_steady_force_does() {
             let yields_now = static_receptance_magnitude_or_infinity_m_per_n(&after.model);
             let said = || format!("{what}: {:?}\n{scene:#?}", scene.name);
             for i in 0..scene.actuators.len() {
-                let bounds = [&before, &after]
-                    .map(|own| bound_relative_press_travel_error(own, i).limit_if_known().unwrap_or(1e-3));
+                let bounds = [&before, &after].map(|own| {
+                    bound_relative_mesh_error_of_travel_by_press_alone(own, i).limit_if_known().unwrap_or(1e-3)
+                });
                 let bound = bounds[0] + bounds[1];
                 let (one, other) = (&before.pressed[i], &after.pressed[i]);
                 assert!(are_equal(one.alone_m, other.alone_m, bound), "{}: {one:?} {other:?} {bound:e}", said());
@@ -234,8 +235,10 @@ fn a_plate_on_its_corners_sags_by_its_springs_and_its_bending() {
         for (extra, loss, dashpot) in cases {
             let scene = on_corners(x_mm, extra, loss, dashpot);
             let table = table(&scene);
-            let (found, bound) =
-                (table.pressed[0].alone_m, bound_relative_press_travel_error(&table, 0).limit_if_known().unwrap());
+            let (found, bound) = (
+                table.pressed[0].alone_m,
+                bound_relative_mesh_error_of_travel_by_press_alone(&table, 0).limit_if_known().unwrap(),
+            );
             println!("{x_mm} {extra:?} {loss:?} {dashpot}: {:.5} um, bound {bound:.1e}", found * 1e6);
             // The furthest place is a corner's edge, where the grid has a point.
             assert!((found / expected - 1.0).abs() < bound + 3e-6, "{x_mm} {loss} {dashpot}: {found}, {bound:e}");
@@ -259,7 +262,7 @@ fn a_panel_that_nothing_holds_has_no_steady_place_under_a_press() {
     // A support and a grounded ERA: it turns about the line through both.
     let turns = table(&scene);
     assert!(turns.pressed[0].alone_m.is_infinite(), "{:?}", turns.pressed[0]);
-    assert!(bound_relative_press_travel_error(&turns, 0).limit_if_known().is_none());
+    assert!(bound_relative_mesh_error_of_travel_by_press_alone(&turns, 0).limit_if_known().is_none());
     // The ERA's own spring still holds its mass against its own electrodes, and the inertial one's against its own.
     let yields = static_receptance_magnitude_or_infinity_m_per_n(&turns.model);
     assert!(yields[0][0].is_finite() && yields[0][0] > 0.0 && yields[1][1].is_finite(), "{yields:?}");
@@ -293,7 +296,7 @@ fn the_bound_of_a_press_does_not_depend_on_the_force() {
             scene.press_n = force_n;
             let table = table_at(&scene, 1e-3);
             for (i, own) in table.pressed.iter().enumerate() {
-                let bound = bound_relative_press_travel_error(&table, i)
+                let bound = bound_relative_mesh_error_of_travel_by_press_alone(&table, i)
                     .limit_if_known()
                     .unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
                 assert!(bound > 0.0 && bound < 1e-3, "{force_n} N: {bound:e}");
@@ -327,7 +330,9 @@ fn moving_masses_take_no_bound_from_a_press() {
         [0, 1].map(|i| {
             (
                 table.pressed[i].alone_m,
-                bound_relative_press_travel_error(&table, i).limit_if_known().unwrap_or_else(|| panic!("{mass_kg} kg")),
+                bound_relative_mesh_error_of_travel_by_press_alone(&table, i)
+                    .limit_if_known()
+                    .unwrap_or_else(|| panic!("{mass_kg} kg")),
             )
         })
     };
@@ -373,7 +378,7 @@ fn a_tighter_tolerance_takes_no_bound_from_a_press() {
     let found = [1e-2, 1e-3, 1e-4].map(|tolerance| {
         let table = table_at(&scene, tolerance);
         [0, 1, 2].map(|i| {
-            let bound = bound_relative_press_travel_error(&table, i);
+            let bound = bound_relative_mesh_error_of_travel_by_press_alone(&table, i);
             let own = &table.pressed[i];
             println!("{tolerance} {i}: {:e} {bound:?}", own.alone_m);
             (own.alone_m, bound.limit_if_known().unwrap_or_else(|| panic!("{tolerance}: {own:?} {bound:?}")))

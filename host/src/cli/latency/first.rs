@@ -2,7 +2,7 @@
 
 use super::{LatencyFigures, await_device_state};
 use crate::cli::args::Latency;
-use crate::cli::{CommandResult, Failure, print_json, print_text};
+use crate::cli::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::scene::Scene;
 use crate::verify::spread_points;
 use serde_json::{Value, json};
@@ -62,7 +62,7 @@ pub fn measure_first_click_latency_armed_and_unarmed(
             "first_clicks": counted, "armed_ms": armed.to_json(), "rails_down_ms": unarmed.to_json(),
         }));
     }
-    print_text(&format!(
+    print_text_after_queued_log(&format!(
         "Time from POST /v1/touch to the click on {}, with the planning of the click; {counted} clicks in each row. The \
          board was idle before every click. The daemon and the simulated device ran in one process.\n\
          before the click                   median      p99      max\n\

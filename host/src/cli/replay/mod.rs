@@ -7,7 +7,7 @@ use super::client::{self, DaemonAnswer};
 use super::progress::run_with_progress;
 use super::signals::run_in_thread_on_first_end_signal;
 use super::terminal_messages::tell_why_command_failed;
-use super::{CommandResult, Failure, print_json, print_text};
+use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::replay::TouchOutcome;
 use crate::replay::{RecordedAction, RecordedRequest, Recording, largest_relative_drive_difference};
 use crate::text_file::refuse_utf16;
@@ -54,7 +54,10 @@ pub fn run_replay(options: &Replay) -> CommandResult {
         // Nothing is asked for after the stop.
         ended.store(true, Ordering::SeqCst);
         let stopped = client::request_body_failing_on_error_status(&driven, "POST", "/v1/stop", None);
-        let told = stopped.map_or_else(|failure| failure.message(), |_| "the daemon has stopped all drives".into());
+        let told = stopped.map_or_else(
+            |failure| failure.message_or_empty_if_already_reported(),
+            |_| "the daemon has stopped all drives".into(),
+        );
         tell_why_command_failed(&format!("{signal} ended the replay; {told}"));
         std::process::exit(1);
     });
@@ -107,7 +110,7 @@ fn send_request_in_thread(
 ) {
     let (daemon, done) = (daemon.clone(), done.clone());
     std::thread::spawn(move || {
-        let result = client::request_answer(&daemon, "POST", path, body);
+        let result = client::request_json_answer_of_any_status_but_redirect(&daemon, "POST", path, body);
         // Nobody waits for it any more if the command has failed.
         let _ = done.send(ReplayedRequest { place, result });
     });
@@ -160,7 +163,7 @@ fn print_summary_and_fail_if_unanswered_or_lost(
                 *statuses.entry(*status).or_default() += 1;
                 (Some(TouchOutcome::from_answer(*status, body)), body["detail"].as_str().unwrap_or_default().to_owned())
             }
-            Err(failure) => (None, failure.message()),
+            Err(failure) => (None, failure.message_or_empty_if_already_reported()),
         };
         unanswered += u64::from(now.is_none());
         let Some(asked) = recording.asked.get(*place) else { continue };
@@ -204,7 +207,7 @@ fn print_summary_and_fail_if_unanswered_or_lost(
         ));
     }
     let told = told.iter().fold(String::new(), |text, line| text + "\n" + line);
-    print_text(&format!(
+    print_text_after_queued_log(&format!(
         "{} requests replayed ({}), {unanswered} without an answer; {} messages of web pages replayed{lost}\n\
          errors in the answers to these messages: {refused}; the drives that these messages cause are not compared\n\
          touches and effect files whose answer differs from the recorded answer: {}{told}\n\

@@ -82,7 +82,7 @@ impl<'d> ReplayedPages<'d> {
             Err(failure) => {
                 self.open.remove(&page);
                 self.lost += 1;
-                self.reason = Some(failure.message());
+                self.reason = Some(failure.message_or_empty_if_already_reported());
             }
         }
     }

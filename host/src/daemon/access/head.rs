@@ -23,7 +23,7 @@ pub fn read_single_header<'h>(headers: &'h HeaderMap, name: &HeaderName) -> Resu
 /// # Errors
 /// [`Problem`]: no host or two, a target that is none, a coding of the body that is not known.
 pub fn check_head_and_find_authority(request: &Request) -> Result<Option<Authority>, Problem> {
-    check_transfer_coding_is_chunked_once_or_absent(request.headers())?;
+    check_transfer_coding_is_chunked_once_or_absent_and_never_in_te(request.headers())?;
     let host = read_single_header(request.headers(), &header::HOST)?;
     let uri = request.uri();
     if host.is_none() && request.version() >= Version::HTTP_11 {
@@ -61,7 +61,7 @@ pub fn check_head_and_find_authority(request: &Request) -> Result<Option<Authori
 }
 
 /// Only chunks are undone; whether their end can be found hyper has looked at.
-fn check_transfer_coding_is_chunked_once_or_absent(headers: &HeaderMap) -> Result<(), Problem> {
+fn check_transfer_coding_is_chunked_once_or_absent_and_never_in_te(headers: &HeaderMap) -> Result<(), Problem> {
     let codings = split_header_lists_into_lowercase_values_without_parameters(headers, &header::TRANSFER_ENCODING);
     if let Some(other) = codings.iter().find(|coding| *coding != "chunked") {
         let detail = format!(

@@ -259,7 +259,7 @@ fn build_design_view(study: &Study, table: &DesignTable, finalist: &Finalist) ->
             .into_iter()
             .filter(|(_, value)| value.is_finite())
             .collect(),
-        breaks: finalist.describe_verified_broken_limits_if_any(study),
+        breaks: finalist.describe_broken_limits_if_any_unless_verification_failed(study),
         failed: verified.err().cloned(),
         scene_toml: finalist.text.clone(),
     }

@@ -75,7 +75,7 @@ impl TolerancesRequest {
     ///
     /// # Errors
     /// [`Problem`] that names a tolerance, or the intensity, that is out of range.
-    pub fn check_and_fill_in_defaults(&self) -> Result<Tolerances, Problem> {
+    pub fn check_intensity_and_tolerances_filling_in_defaults(&self) -> Result<Tolerances, Problem> {
         let tolerances = self.tolerances.unwrap_or_default().with_defaults_for_missing();
         tolerances.check_ranges()?;
         check_intensity_range(self.intensity_g)?;
@@ -161,7 +161,7 @@ impl ToleranceStudies {
         let (looks, table) = (Arc::clone(self), Arc::clone(table));
         let check_and_begin = move |deadline: &Deadline| {
             let request = parse_request()?;
-            let tolerances = request.check_and_fill_in_defaults()?;
+            let tolerances = request.check_intensity_and_tolerances_filling_in_defaults()?;
             let TolerancesRequest { x_px, y_px, intensity_g, scene, moves, .. } = request;
             if scene.is_none() && moves.is_none() {
                 let plan = table.plan(&[build_planner_target_at_px(&table.scene, x_px, y_px, intensity_g)?])?;

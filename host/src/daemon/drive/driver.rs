@@ -117,7 +117,7 @@ impl TouchDriver {
         if self.is_closing() {
             return Err(SessionError::Closed.into());
         }
-        let interruptions = self.count_unrequested_board_interruptions();
+        let interruptions = self.count_unrequested_disarms_faults_and_outages_of_board();
         let place = self.admission.wait_for_planner_place_unless_queue_full(asker.client).await?;
         // A newer touch, or a stop, may have come while this one waited.
         self.check_neither_superseded_nor_stopped(request_id, stop_count_at_arrival)?;
@@ -128,7 +128,7 @@ impl TouchDriver {
         let asked_at = AskedAt { stops: stop_count_at_arrival, interruptions: None };
         // An effect is designed in the planner's place, too: a click takes longer than its plan.
         let (plan, order) = tokio::task::block_in_place(|| -> Result<_, Problem> {
-            let plan = self.plan_touch_request(touch, &touch.request)?;
+            let plan = self.plan_request_of_touch_and_count_plan_time(touch, &touch.request)?;
             let (fingers, mode) = (touch.fingers.clone(), touch.mode.clone());
             let order = self.equipment.prepare_touch_order(request_id, asked_at, plan.clone(), fingers, mode)?;
             Ok((plan, order))
@@ -161,7 +161,7 @@ impl TouchDriver {
 
     /// What is known of the device now.
     #[must_use]
-    pub fn current_device_snapshot(&self) -> DeviceSnapshot {
+    pub fn current_device_snapshot_marked_disconnected_if_thread_hung(&self) -> DeviceSnapshot {
         self.equipment.session.current_snapshot_marked_disconnected_if_thread_hung()
     }
 
@@ -198,8 +198,8 @@ impl TouchDriver {
 
     /// [`DeviceSnapshot::interruptions`].
     #[must_use]
-    pub fn count_unrequested_board_interruptions(&self) -> u64 {
-        self.equipment.count_unrequested_board_interruptions()
+    pub fn count_unrequested_disarms_faults_and_outages_of_board(&self) -> u64 {
+        self.equipment.count_unrequested_disarms_faults_and_outages_of_board()
     }
 
     /// Whether the board is off: it has to be armed before it drives.

@@ -3,7 +3,7 @@
 use super::known_clicks::KnownClicks;
 use super::order::{PreparedMode, PreparedPlan};
 use crate::daemon::touch::answer::Achieved;
-use crate::device::convert::{drive_to_wire, windows_to_wire_sequence_dropping_excess};
+use crate::device::convert::{drive_to_wire_zeroing_too_narrow_pulses, windows_to_wire_sequence_dropping_excess};
 use crate::device::session::DriveResult;
 use crate::device::sim::SimControl;
 use crate::device::{AskedAt, DeviceSnapshot, DriveContent, DriveOrder, LinkError, Session, SessionError};
@@ -80,7 +80,7 @@ impl DriveEquipment {
     }
 
     /// A burst of windows leaves a rail where it is that feeds none of them.
-    fn note_rail_voltages_after_drive(&self, prepared: &PreparedPlan, is_begun: bool) {
+    fn note_rail_voltages_left_by_effect_windows_or_zeros(&self, prepared: &PreparedPlan, is_begun: bool) {
         let mut standing_v = self.lock_standing_rail_voltages();
         match &prepared.mode {
             PreparedMode::Effect(design) if is_begun && !design.windows.is_empty() => {
@@ -94,7 +94,7 @@ impl DriveEquipment {
 
     /// [`DeviceSnapshot::interruptions`].
     #[must_use]
-    pub fn count_unrequested_board_interruptions(&self) -> u64 {
+    pub fn count_unrequested_disarms_faults_and_outages_of_board(&self) -> u64 {
         self.session.subscribe_snapshots().borrow().interruptions
     }
 
@@ -137,8 +137,10 @@ impl DriveEquipment {
         let plan = &prepared.plan;
         let content = match &prepared.mode {
             PreparedMode::Hold(hold) => {
-                let mut drives: Vec<ChannelDrive> =
-                    assign_channels_in_order_of_drives(&plan.drives).iter().map(drive_to_wire).collect();
+                let mut drives: Vec<ChannelDrive> = assign_channels_in_order_of_drives(&plan.drives)
+                    .iter()
+                    .map(drive_to_wire_zeroing_too_narrow_pulses)
+                    .collect();
                 // A finger that feels nothing, as one between two detents, takes no rail down: the next click would wait until it is up again.
                 if drives.iter().all(|drive| drive.voltage_millivolts == 0) {
                     drives.clear();
@@ -146,7 +148,8 @@ impl DriveEquipment {
                 DriveContent::Steady { drives, hold: *hold, from_zero: from_zero_volts }
             }
             PreparedMode::Effect(design) if design.windows.is_empty() => {
-                let drives = design.drives_with_board_channels().iter().map(drive_to_wire).collect();
+                let drives =
+                    design.drives_with_board_channels().iter().map(drive_to_wire_zeroing_too_narrow_pulses).collect();
                 let effects = design.drives.iter().map(|drive| drive.effect.clone()).collect();
                 DriveContent::Envelopes { drives, effects }
             }
@@ -167,7 +170,7 @@ impl DriveEquipment {
             driven =
                 self.await_session_answer_unless_thread_hangs(self.session.begin_drive_arming_if_needed(order)).await;
         }
-        self.note_rail_voltages_after_drive(&prepared, driven.is_ok());
+        self.note_rail_voltages_left_by_effect_windows_or_zeros(&prepared, driven.is_ok());
         let begun = driven.map(|DriveResult { achieved, effect }| {
             let now = Instant::now();
             match (&prepared.mode, effect) {

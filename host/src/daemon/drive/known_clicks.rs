@@ -118,7 +118,7 @@ fn choose_design_fitting_rails_unless_redesign_could_fit_better(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::{EffectRequest, NamedEffect, design_effect_of_windows_if_click_else_of_drives};
+    use crate::effects::{EffectRequest, NamedEffect, design_effect_of_windows_if_common_click_exists_else_of_drives};
     use crate::model::{Accuracy, PanelModel};
     use crate::planner::{PlanTable, TableOptions, Target};
     use crate::scene::{EXAMPLE_BAR, Scene};
@@ -130,7 +130,7 @@ mod tests {
         let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
         let table = PlanTable::build(
             &scene,
-            model.reduce_with_residual_shapes_of_actuators_and_points(options.to_hz, &[]).unwrap(),
+            model.reduce_with_residual_shapes_of_actuators_damping_and_points(options.to_hz, &[]).unwrap(),
             options,
         )
         .unwrap();
@@ -144,7 +144,7 @@ mod tests {
             let request = EffectRequest::with_defaults(NamedEffect::Click);
             let design = || {
                 designs += 1;
-                design_effect_of_windows_if_click_else_of_drives(
+                design_effect_of_windows_if_common_click_exists_else_of_drives(
                     &table,
                     table.panel_poles().unwrap(),
                     plan,

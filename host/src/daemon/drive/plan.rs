@@ -16,7 +16,11 @@ const LONGEST_TRADE: Duration = Duration::from_secs(5);
 
 impl TouchDriver {
     /// The plan for some or all targets of a touch.
-    pub(super) fn plan_touch_request(&self, touch: &Touch, request: &Request) -> Result<Plan, Problem> {
+    pub(super) fn plan_request_of_touch_and_count_plan_time(
+        &self,
+        touch: &Touch,
+        request: &Request,
+    ) -> Result<Plan, Problem> {
         let plan = plan_request_with_intensity_for_targets_without_one(
             &self.table,
             || self.table.panel_poles(),

@@ -9,7 +9,7 @@ use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::request::Finger;
 use crate::device::AskedAt;
 use crate::effects::{
-    DesignError, design_effect, design_effect_of_windows_if_click_else_of_drives,
+    DesignError, design_effect, design_effect_of_windows_if_common_click_exists_else_of_drives,
     is_click_for_up_to_three_targets_without_quiet_zones,
 };
 use crate::planner::Plan;
@@ -103,7 +103,7 @@ impl DriveEquipment {
                     design.add_limitation_if_new(Limitation::StillMoving);
                 }
                 (
-                    design.predict_travel_and_free_motion_of_effect_if_poles_known(&self.table),
+                    design.predict_travel_and_free_motion_left_by_effect_if_poles_known(&self.table),
                     PreparedMode::Effect(Box::new(design)),
                 )
             }
@@ -118,7 +118,13 @@ impl DriveEquipment {
                     let standing_rails_v = self.standing_rail_voltages_v_or_zeros();
                     let options = ClickOptions { force_fraction, standing_rails_v, ..request.click_options() };
                     self.clicks.get_or_design(&wished, options, || {
-                        design_effect_of_windows_if_click_else_of_drives(&self.table, rise, &wished, request, options)
+                        design_effect_of_windows_if_common_click_exists_else_of_drives(
+                            &self.table,
+                            rise,
+                            &wished,
+                            request,
+                            options,
+                        )
                     })?
                 } else {
                     wished.targets.iter_mut().for_each(|target| target.wanted_g *= force_fraction);
@@ -128,7 +134,7 @@ impl DriveEquipment {
                     design.add_limitation_if_new(Limitation::StillMoving);
                 }
                 (
-                    design.predict_travel_and_free_motion_of_effect_if_poles_known(&self.table),
+                    design.predict_travel_and_free_motion_left_by_effect_if_poles_known(&self.table),
                     PreparedMode::Effect(Box::new(design)),
                 )
             }

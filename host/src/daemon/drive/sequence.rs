@@ -53,8 +53,10 @@ impl TouchDriver {
         if self.is_closing() {
             return Err(SessionError::Closed.into());
         }
-        let asked_at =
-            AskedAt { stops: stop_count_at_arrival, interruptions: Some(self.count_unrequested_board_interruptions()) };
+        let asked_at = AskedAt {
+            stops: stop_count_at_arrival,
+            interruptions: Some(self.count_unrequested_disarms_faults_and_outages_of_board()),
+        };
         let slot = asker.sender.run_until_connection_closed(self.effect_slots.wait_for_slot(asker.client)).await?;
         self.check_neither_superseded_nor_stopped(id, stop_count_at_arrival)?;
         let (table, equipment) = (Arc::clone(&self.table), Arc::downgrade(&self.equipment));

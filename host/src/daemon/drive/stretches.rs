@@ -42,7 +42,7 @@ impl TouchDriver {
     ) -> Result<TouchedView, Problem> {
         let mut all = tokio::task::block_in_place(|| {
             plan_each_span(spans, |targets| {
-                self.plan_touch_request(touch, &touch.request.with_selected_targets(targets))
+                self.plan_request_of_touch_and_count_plan_time(touch, &touch.request.with_selected_targets(targets))
             })
         })?;
         drop(place);

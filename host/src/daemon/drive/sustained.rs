@@ -24,7 +24,7 @@ const REST_LOOKS: u32 = 500;
 
 impl DriveTask {
     /// When what is shown has to be looked at next; `None` if nothing is shown.
-    pub(super) fn find_next_supervision_time(&self) -> Option<Instant> {
+    pub(super) fn find_next_supervision_time_of_shown_plan(&self) -> Option<Instant> {
         let now = Instant::now();
         let current = self.state.current.as_ref().filter(|current| now < current.until)?;
         let Some(held) = self.state.sustained.as_ref().filter(|held| Arc::ptr_eq(&held.active, &current.active)) else {
@@ -40,7 +40,7 @@ impl DriveTask {
         let now = Instant::now();
         self.last_look = now;
         let Some(current) = self.state.current.as_ref().filter(|current| now < current.until) else { return };
-        let interruptions = equipment.count_unrequested_board_interruptions();
+        let interruptions = equipment.count_unrequested_disarms_faults_and_outages_of_board();
         if equipment.read_rail_state_down_up_or_driving() != RailState::Driving
             && current.asked_at.interruptions.is_some_and(|before| before != interruptions)
         {
@@ -134,7 +134,7 @@ impl DriveTask {
     }
 
     /// Goes on after a rest, once the board drives no more.
-    pub(super) fn resume_drive_once_board_stopped_driving(
+    pub(super) fn resume_drive_once_board_stopped_driving_or_end_it_if_disarmed(
         &mut self,
         equipment: &Arc<DriveEquipment>,
         held: Box<SustainedDrive>,

@@ -103,7 +103,7 @@ impl DriveTask {
     /// When something is to be done without being told.
     fn find_next_due_time(&self) -> Option<Instant> {
         match &self.activity {
-            BoardActivity::Free => self.find_next_supervision_time(),
+            BoardActivity::Free => self.find_next_supervision_time_of_shown_plan(),
             BoardActivity::Settling { until, .. } | BoardActivity::Resting { until, .. } => Some(*until),
             BoardActivity::Ordered { .. } => None,
         }
@@ -123,7 +123,7 @@ impl DriveTask {
                 }
             }
             BoardActivity::Resting { held, looks, .. } => {
-                self.resume_drive_once_board_stopped_driving(equipment, held, looks)
+                self.resume_drive_once_board_stopped_driving_or_end_it_if_disarmed(equipment, held, looks)
             }
             ordered @ BoardActivity::Ordered { .. } => self.activity = ordered,
         }
@@ -184,7 +184,9 @@ impl DriveTask {
             && let Some(next) = self.next.take()
         {
             match next {
-                NextRequest::Drive(request) => self.drive_touch_or_wait_for_decay(equipment, request),
+                NextRequest::Drive(request) => {
+                    self.drive_touch_or_end_earlier_drives_and_wait_for_decay(equipment, request)
+                }
                 NextRequest::Overtake { id, reply } => {
                     self.state.raise_newest_and_return_previous_id(id);
                     let older =
@@ -200,7 +202,11 @@ impl DriveTask {
 
     /// Has a touch wait for as long as that makes its drives much stronger on top of what is left of the touches before, which end then;
     /// or drives it.
-    fn drive_touch_or_wait_for_decay(&mut self, equipment: &Arc<DriveEquipment>, request: Box<DriveRequest>) {
+    fn drive_touch_or_end_earlier_drives_and_wait_for_decay(
+        &mut self,
+        equipment: &Arc<DriveEquipment>,
+        request: Box<DriveRequest>,
+    ) {
         if request.order.asked_at.stops != equipment.session.stop_count() {
             return request.refuse(SessionError::Stopped);
         }
@@ -414,7 +420,8 @@ impl DriveTask {
         };
         // What cannot be shown is not driven on.
         let active = active.inspect_err(|_| self.end_touch_at(equipment, id, Instant::now()))?;
-        let interruptions = asked_at.interruptions.or_else(|| Some(equipment.count_unrequested_board_interruptions()));
+        let interruptions =
+            asked_at.interruptions.or_else(|| Some(equipment.count_unrequested_disarms_faults_and_outages_of_board()));
         let asked_at = AskedAt { interruptions, ..asked_at };
         self.state.current = Some(CurrentPlan { active: Arc::clone(&active), until, asked_at });
         self.publish_state_and_send_update_to_pages(Update::Plan(Arc::clone(&active)));

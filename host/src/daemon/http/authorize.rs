@@ -24,7 +24,11 @@ pub fn find_needed_role_unless_public(method: &Method, path: &str) -> Option<Rol
 }
 
 /// Lets a request through whose origin, name and token are allowed, or answers why not.
-pub async fn authorize_request(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
+pub async fn authorize_request_or_answer_preflight_and_add_cors_headers(
+    State(access): State<Arc<Access>>,
+    mut request: Request,
+    next: Next,
+) -> Response {
     let source = check_head_and_find_authority(&request).and_then(|host| {
         let scheme = request.extensions().get().copied();
         access.check_host_and_origin_and_return_allowed_foreign_origin(

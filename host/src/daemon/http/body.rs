@@ -80,7 +80,7 @@ pub struct BodyLimit {
 }
 
 /// Reads a request's body before anything is done with it.
-pub async fn read_body_within_limit(
+pub async fn read_uncompressed_body_within_limit(
     State(BodyLimit { bytes: most, time }): State<BodyLimit>,
     request: Request,
     next: Next,

@@ -436,7 +436,7 @@ pub fn list_names_missing_in_certificate<'n>(files: &TlsFiles, names: &'n [Strin
 ///
 /// # Errors
 /// [`ListenError`].
-pub fn find_or_make_certificate(folder: &Path, names: &[String]) -> Result<TlsFiles, ListenError> {
+pub fn find_or_make_certificate(folder: &Path, names_for_new_certificate: &[String]) -> Result<TlsFiles, ListenError> {
     if let Some(files) = TlsFiles::find_whole_pair_in_folder_or_error_if_only_key_missing(folder)? {
         return Ok(files);
     }
@@ -454,7 +454,7 @@ pub fn find_or_make_certificate(folder: &Path, names: &[String]) -> Result<TlsFi
         return Ok(files);
     }
     let mut all: Vec<String> = ["localhost", "127.0.0.1", "::1"].map(String::from).to_vec();
-    all.extend(names.iter().cloned());
+    all.extend(names_for_new_certificate.iter().cloned());
     let made = rcgen::generate_simple_self_signed(all).map_err(|error| wrong(&error))?;
     if let Some((damaged, reason)) =
         damaged_certificate::find_damaged_file_and_describe_damage(&files.certificate, &files.key)

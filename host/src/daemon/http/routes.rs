@@ -1,7 +1,7 @@
 //! The HTTP interface.
 
-use super::authorize::authorize_request;
-use super::body::{BodyLimit, parse_json_body, read_body_within_limit};
+use super::authorize::authorize_request_or_answer_preflight_and_add_cors_headers;
+use super::body::{BodyLimit, parse_json_body, read_uncompressed_body_within_limit};
 use super::effect_routes::{
     __path_get_effects, __path_post_effect_file_to_play, get_effects, post_effect_file_to_play,
 };
@@ -97,16 +97,16 @@ fn declare_routes(body_time_limit: Duration) -> OpenApiRouter<Arc<App>> {
     let most = |bytes: usize| BodyLimit { bytes, time: body_time_limit };
     let large = OpenApiRouter::new()
         .routes(routes!(post_preview))
-        .routes(routes!(begin_tolerance_study))
-        .layer(middleware::from_fn_with_state(most(MAX_PREVIEW_BODY), read_body_within_limit));
+        .routes(routes!(begin_tolerance_study_of_requested_touch))
+        .layer(middleware::from_fn_with_state(most(MAX_PREVIEW_BODY), read_uncompressed_body_within_limit));
     let files = OpenApiRouter::new()
         .routes(routes!(post_effect_file_to_play))
-        .layer(middleware::from_fn_with_state(most(MAX_EFFECT_BODY), read_body_within_limit));
+        .layer(middleware::from_fn_with_state(most(MAX_EFFECT_BODY), read_uncompressed_body_within_limit));
     let larger = OpenApiRouter::new()
         .routes(routes!(begin_study))
-        .layer(middleware::from_fn_with_state(most(MAX_STUDY_BODY), read_body_within_limit));
+        .layer(middleware::from_fn_with_state(most(MAX_STUDY_BODY), read_uncompressed_body_within_limit));
     router
-        .layer(middleware::from_fn_with_state(most(MAX_BODY), read_body_within_limit))
+        .layer(middleware::from_fn_with_state(most(MAX_BODY), read_uncompressed_body_within_limit))
         .merge(large)
         .merge(files)
         .merge(larger)
@@ -139,7 +139,10 @@ pub fn build_router(app: Arc<App>) -> Router {
         .method_not_allowed_fallback(answer_wrong_method)
         // The bounds above hold; this one would cut previews short.
         .layer(DefaultBodyLimit::disable())
-        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), authorize_request))
+        .layer(middleware::from_fn_with_state(
+            Arc::clone(&app.access),
+            authorize_request_or_answer_preflight_and_add_cors_headers,
+        ))
         .layer(middleware::from_fn_with_state(Arc::clone(&app.pace), delay_requests_above_rate_except_accepted_stop))
         .with_state(app)
 }
@@ -149,7 +152,10 @@ pub fn build_stop_only_router(app: Arc<App>) -> Router {
     Router::new()
         .route("/v1/stop", post(post_stop))
         .fallback(answer_too_many_connections)
-        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), authorize_request))
+        .layer(middleware::from_fn_with_state(
+            Arc::clone(&app.access),
+            authorize_request_or_answer_preflight_and_add_cors_headers,
+        ))
         .layer(middleware::from_fn_with_state(Arc::clone(&app.pace), delay_requests_above_rate_except_accepted_stop))
         .layer(middleware::map_response(close_connection_after_failure))
         .with_state(app)
@@ -305,7 +311,7 @@ async fn stop_study(State(app): State<Arc<App>>) -> Response {
     request_body = TolerancesRequest,
     responses((status = 200, description = "The tolerance study has begun", body = TolerancesView)),
 )]
-async fn begin_tolerance_study(
+async fn begin_tolerance_study_of_requested_touch(
     State(app): State<Arc<App>>,
     asker: Asker,
     headers: HeaderMap,
@@ -313,7 +319,7 @@ async fn begin_tolerance_study(
 ) -> Result<Response, Problem> {
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "scene"?: TOML text, "moves"?: {"support[1]": {"x_mm": number, "y_mm"?: number}, ...}, "tolerances"?: {"springs"?: number, "youngs_modulus"?: number, "thickness"?: number, "places_mm"?: number}}"#;
     let read = move || parse_json_body::<TolerancesRequest>(&headers, &body, wanted);
-    Ok(Json(app.begin_tolerance_study(&asker, read).await?).into_response())
+    Ok(Json(app.begin_tolerance_study_of_requested_touch(&asker, read).await?).into_response())
 }
 
 /// The progress and the results of the tolerance study
@@ -446,7 +452,7 @@ async fn get_metrics(State(app): State<Arc<App>>) -> Response {
         .first()
         .map(|newest| newest.peak_m_per_s2 / STANDARD_GRAVITY);
     let text = app.metrics.format_prometheus(
-        &app.driver.current_device_snapshot(),
+        &app.driver.current_device_snapshot_marked_disconnected_if_thread_hung(),
         app.driver.time_since_last_answer(),
         &app.driver.admission,
         peak_g,

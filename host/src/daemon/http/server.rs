@@ -80,7 +80,7 @@ pub async fn serve(app: Arc<App>, listeners: Vec<Listener>, shutdown: impl Futur
         all.spawn(record_device_measurements(Arc::clone(&app)));
     }
     shutdown.await;
-    app.stop_studies_and_device_at_shutdown().await;
+    app.begin_closing_and_stop_studies_and_device().await;
     // Pages are told so before the process ends.
     let told = tokio::time::timeout(app.limits.goodbye, app.wait_until_all_sockets_closed());
     let _ = tokio::join!(told, async { while all.join_next().await.is_some() {} });

@@ -82,7 +82,10 @@ impl PageFingers {
     /// Of fingers that have effects of their own, the effect that is played: that of the newest finger; if none is new, the one that began
     /// last, or that of the first finger.
     #[must_use]
-    pub fn choose_effect_of_newest_finger(&self, fingers: &[CheckedFinger]) -> Option<NamedEffect> {
+    pub fn choose_effect_of_newest_finger_else_ongoing_else_first(
+        &self,
+        fingers: &[CheckedFinger],
+    ) -> Option<NamedEffect> {
         let state = self.lock_state();
         let before = &state.down;
         let had = |checked: &CheckedFinger| {

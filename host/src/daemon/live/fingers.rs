@@ -45,7 +45,8 @@ pub async fn drive_fingers_until_page_is_gone(
         held_fingers.forget_lifted_fingers(&step.touch.fingers);
         if !step.touch.fingers.is_empty()
             && !held_fingers.is_covered_by_effect(&app, &step)
-            && let Err(problem) = held_fingers.drive_step(&app, &fingers, step.clone()).await
+            && let Err(problem) =
+                held_fingers.plan_and_drive_touch_of_step_and_record_outcome(&app, &fingers, step.clone()).await
         {
             // The page reads nothing: it has missed older news than this.
             let _ = replies.try_send(build_error_message(&problem));
@@ -69,7 +70,7 @@ struct HeldFingers {
     held_for: Vec<i64>,
     /// What it was driven for, if that goes on for as long as they are.
     still: Option<FingerStep>,
-    /// [`TouchDriver::count_unrequested_board_interruptions`](crate::daemon::drive::TouchDriver::count_unrequested_board_interruptions) when that began.
+    /// [`TouchDriver::count_unrequested_disarms_faults_and_outages_of_board`](crate::daemon::drive::TouchDriver::count_unrequested_disarms_faults_and_outages_of_board) when that began.
     interruptions: u64,
     /// Since when the newest of the fingers is felt for which something was driven last.
     newly_down: Option<Instant>,
@@ -140,7 +141,7 @@ impl HeldFingers {
         let Some((step, HeldDrive { plan, .. })) = self.still.clone().zip(self.held) else { return };
         let until = Instant::now() + Duration::from_millis(u64::from(MAX_DURATION_MS));
         if app.driver.stop_count() != step.stops
-            || app.driver.count_unrequested_board_interruptions() != self.interruptions
+            || app.driver.count_unrequested_disarms_faults_and_outages_of_board() != self.interruptions
             || app.driver.is_board_known_to_be_disarmed()
         {
             self.still = None;
@@ -149,7 +150,7 @@ impl HeldFingers {
             && !app.driver.does_newest_touch_have_parts_yet_to_begin()
             // What is being planned is somebody's touch, and would be older than this.
             && app.driver.admission.is_planner_idle()
-            && let Err(problem) = self.drive_step(app, fingers, step).await
+            && let Err(problem) = self.plan_and_drive_touch_of_step_and_record_outcome(app, fingers, step).await
             && !["busy", "superseded", "device-refused"].iter().any(|kind| problem.is_kind(kind))
         {
             self.still = None;
@@ -162,7 +163,12 @@ impl HeldFingers {
         self.down.retain(|id| fingers_down.iter().any(|touch| touch.id == *id));
     }
 
-    async fn drive_step(&mut self, app: &Arc<App>, fingers: &PageFingers, step: FingerStep) -> Result<(), Problem> {
+    async fn plan_and_drive_touch_of_step_and_record_outcome(
+        &mut self,
+        app: &Arc<App>,
+        fingers: &PageFingers,
+        step: FingerStep,
+    ) -> Result<(), Problem> {
         let is_even = step.touch.haptics.effect.is_none() && step.touch.haptics.duration_ms.is_none();
         let again =
             (is_even && !step.lifted).then(|| FingerStep { newly_down: Vec::new(), is_tap: false, ..step.clone() });
@@ -171,8 +177,10 @@ impl HeldFingers {
         let touch =
             if is_effect { step.touch.clone().keep_only_fingers(&step.effect_fingers) } else { step.touch.clone() };
         let asker = Asker { client: self.client, ..Asker::default() };
-        let (id, interruptions) =
-            (app.driver.admission.allocate_request_number(), app.driver.count_unrequested_board_interruptions());
+        let (id, interruptions) = (
+            app.driver.admission.allocate_request_number(),
+            app.driver.count_unrequested_disarms_faults_and_outages_of_board(),
+        );
         let mut driving =
             std::pin::pin!(app.driver.plan_and_drive_touch_counting_outcome(&asker, id, step.stops, &touch));
         // To its end in any case, but without waiting for its turn once newer fingers stand in its place.

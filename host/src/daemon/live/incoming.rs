@@ -66,7 +66,7 @@ impl IncomingMessage {
                 None => (text, None),
             },
         };
-        let types = list_values_of_type_keys_in_possibly_invalid_json(rest.as_bytes());
+        let types = list_values_of_top_level_type_keys_in_possibly_invalid_json(rest.as_bytes());
         let is_touch = !types.is_empty() && types.iter().all(|kind| kind == "touch");
         let rest = parse_json_object(rest.as_bytes(), WANTED_MESSAGE).map_err(|problem| {
             if serde_json::from_str::<IgnoredAny>(&quote_bare_words(original)).is_ok() {
@@ -130,7 +130,7 @@ impl IncomingMessage {
                 );
                 continue;
             }
-            let finger = parse_and_check_finger(text, scene);
+            let finger = parse_finger_clamped_to_screen_edge_and_check_it(text, scene);
             let id = finger
                 .as_ref()
                 .map_or_else(|_| parse_finger_id_or_zero_if_absent(text), |finger| Some(finger.finger.id));
@@ -164,7 +164,7 @@ impl IncomingMessage {
 
 /// The texts of all keys `type` of a message's own object, or of each where there are several behind each other or in a list: one that is there twice counts
 /// too. What the message has besides need not be JSON, nor end: a stop counts that has `NaN` beside it, a comma too many, or another message behind it.
-pub fn list_values_of_type_keys_in_possibly_invalid_json(message: &[u8]) -> Vec<String> {
+pub fn list_values_of_top_level_type_keys_in_possibly_invalid_json(message: &[u8]) -> Vec<String> {
     let text = String::from_utf8_lossy(message);
     let (bytes, mut types) = (text.as_bytes(), Vec::new());
     let (mut at, mut depth) = (0, 0_usize);
@@ -209,7 +209,7 @@ fn find_index_after_closing_quote(bytes: &[u8], start: usize) -> usize {
 }
 
 /// One finger, on the screen.
-fn parse_and_check_finger(text: &str, scene: &Scene) -> Result<CheckedFinger, Problem> {
+fn parse_finger_clamped_to_screen_edge_and_check_it(text: &str, scene: &Scene) -> Result<CheckedFinger, Problem> {
     let mut finger: Finger = parse_json_object(text.as_bytes(), WANTED_FINGER)?;
     let screen = &scene.screen;
     for (place, side) in [(&mut finger.x_px, screen.width_px), (&mut finger.y_px, screen.height_px)] {
@@ -402,12 +402,13 @@ mod tests {
             r#"{"type":"stop","x":"#,
         ] {
             assert!(
-                list_values_of_type_keys_in_possibly_invalid_json(stop.as_bytes()).contains(&"stop".to_owned()),
+                list_values_of_top_level_type_keys_in_possibly_invalid_json(stop.as_bytes())
+                    .contains(&"stop".to_owned()),
                 "{stop}"
             );
         }
         assert!(
-            list_values_of_type_keys_in_possibly_invalid_json(b"{\"type\":\"stop\",\"x\":\"\xff\"}")
+            list_values_of_top_level_type_keys_in_possibly_invalid_json(b"{\"type\":\"stop\",\"x\":\"\xff\"}")
                 .contains(&"stop".to_owned())
         );
         for other in [
@@ -423,7 +424,8 @@ mod tests {
             r#"{"type"}"stop""#,
         ] {
             assert!(
-                !list_values_of_type_keys_in_possibly_invalid_json(other.as_bytes()).contains(&"stop".to_owned()),
+                !list_values_of_top_level_type_keys_in_possibly_invalid_json(other.as_bytes())
+                    .contains(&"stop".to_owned()),
                 "{other}"
             );
         }

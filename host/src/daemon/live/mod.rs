@@ -295,7 +295,7 @@ async fn serve_page_socket(
                         Message::Binary(bytes) => reader.refuse_binary_message_after_stop_and_lifts(&bytes),
                         Message::Text(text) => {
                             let text = text.as_str();
-                            reader.handle_text(text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text));
+                            reader.handle_text_and_report_problem_to_page(text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text));
                         }
                         // The writer says it back.
                         Message::Close(_) => break None,

@@ -2,7 +2,7 @@
 
 use super::controls::{ClickCause, Felt, FeltClick, PageControls, check_controls};
 use super::finger_steps::PageFingers;
-use super::incoming::{CheckedFingers, IncomingMessage, list_values_of_type_keys_in_possibly_invalid_json};
+use super::incoming::{CheckedFingers, IncomingMessage, list_values_of_top_level_type_keys_in_possibly_invalid_json};
 use super::{MAX_MESSAGE, PageMessage, PageMessageKind, build_error_message};
 use crate::daemon::access::client::Peer;
 use crate::daemon::access::permissions::Role;
@@ -61,7 +61,7 @@ impl PageReader {
     }
 
     /// Carries out a message as far as that goes, and tells the page what is wrong with it, if anything is.
-    pub fn handle_text(&mut self, text: &str) {
+    pub fn handle_text_and_report_problem_to_page(&mut self, text: &str) {
         if let Err(problem) = self.handle_page_message(text) {
             self.queue_error_message_to_page(&problem);
         }
@@ -117,7 +117,7 @@ impl PageReader {
                     self.lift_fingers_left_out(&message);
                     return Err(problem);
                 }
-                self.queue_touch_of_message_reporting_wrong_fingers(text, &message, rest)
+                self.record_and_queue_touch_of_message_reporting_wrong_fingers(text, &message, rest)
             }
             Ok(PageMessage { kind: PageMessageKind::Touch, touches: None, .. }) => {
                 Err(IncomingMessage::missing_fingers_problem())
@@ -127,7 +127,7 @@ impl PageReader {
                 self.replace_controls(text, rest)
             }
             Ok(rest @ PageMessage { kind: PageMessageKind::Stop, .. }) => {
-                self.stop_device_for_page();
+                self.discard_finger_steps_and_stop_device_for_page();
                 let has_more = message.count_fingers().is_some_and(|count| count > 0);
                 if has_more {
                     let detail =
@@ -164,7 +164,7 @@ impl PageReader {
 
     /// Has the fingers of a message driven; each one that is wrong is told, and takes nothing from the others. What is wrong with the whole is given
     /// back; of the fingers only those that are lifted count then.
-    fn queue_touch_of_message_reporting_wrong_fingers(
+    fn record_and_queue_touch_of_message_reporting_wrong_fingers(
         &mut self,
         text: &str,
         message: &IncomingMessage,
@@ -179,8 +179,11 @@ impl PageReader {
         let felt = self.controls.update_fingers_lifting_absent(&down, Instant::now(), stops);
         down.retain(|checked| felt.outside.contains(&checked.finger.id));
         loop {
-            let own_effect =
-                if rest.effect.is_none() { self.fingers.choose_effect_of_newest_finger(&down) } else { None };
+            let own_effect = if rest.effect.is_none() {
+                self.fingers.choose_effect_of_newest_finger_else_ongoing_else_first(&down)
+            } else {
+                None
+            };
             let haptics = RequestedHaptics {
                 intensity_g: rest.intensity_g,
                 intensity_db: rest.intensity_db,
@@ -271,7 +274,7 @@ impl PageReader {
     }
 
     /// Stops everything.
-    fn stop_device_for_page(&self) {
+    fn discard_finger_steps_and_stop_device_for_page(&self) {
         self.app.record_line("stop", || json!({"socket": self.page.number}));
         self.fingers.discard_steps_and_lift_all();
         let (app, replies) = (Arc::clone(&self.app), self.replies.clone());
@@ -290,9 +293,9 @@ impl PageReader {
     /// The same for a message that cannot be used, but says that it is a stop: whatever else is wrong with it is told besides.
     fn stop_device_if_message_asks_and_page_may_touch(&self, message: &[u8]) {
         if self.page.role >= Role::Touch
-            && list_values_of_type_keys_in_possibly_invalid_json(message).iter().any(|kind| kind == "stop")
+            && list_values_of_top_level_type_keys_in_possibly_invalid_json(message).iter().any(|kind| kind == "stop")
         {
-            self.stop_device_for_page();
+            self.discard_finger_steps_and_stop_device_for_page();
         }
     }
 }

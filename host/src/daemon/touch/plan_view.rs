@@ -41,7 +41,7 @@ impl PlanView {
             (design.plan_with_drives_and_predictions_of_effect(&plan), design.peak_as_fraction_of_steady_peak(&plan));
         Self {
             plan: told,
-            times: design.effect_peak_and_decay_times_at_first_target(),
+            times: design.peak_time_from_start_and_decay_time_from_end_at_first_target(),
             even: Some((Box::new(plan), part)),
             thinned: None,
         }

@@ -55,7 +55,7 @@ impl PortUsers {
 
     /// The sentence after one that says that the port does not do as it should. Nothing where nobody has the port open.
     #[must_use]
-    pub fn sentence_about_users_of_faulty_port_or_empty(&self) -> String {
+    pub fn sentence_about_visible_or_hidden_users_of_faulty_port_or_empty(&self) -> String {
         match self.joined_names_if_any() {
             Some(names) => format!(
                 ". This port is also open in {names}, which can read bytes that are meant for era: end {names}{}",
@@ -236,19 +236,23 @@ mod tests {
         );
         assert!(
             users(&["ModemManager"], true)
-                .sentence_about_users_of_faulty_port_or_empty()
+                .sentence_about_visible_or_hidden_users_of_faulty_port_or_empty()
                 .contains("era install --only rule")
         );
         assert!(
             users(&[], true).clause_naming_users_or_unknown_program_and_advice_to_end_it().contains("of another user")
         );
-        assert_eq!(users(&[], false).sentence_about_users_of_faulty_port_or_empty(), "");
-        let told = users(&[], true).sentence_about_users_of_faulty_port_or_empty();
+        assert_eq!(users(&[], false).sentence_about_visible_or_hidden_users_of_faulty_port_or_empty(), "");
+        let told = users(&[], true).sentence_about_visible_or_hidden_users_of_faulty_port_or_empty();
         assert!(
             told.contains("`sudo era doctor` names that program") && told.contains("era install --only rule"),
             "{told}"
         );
-        assert!(!users(&["cat"], true).sentence_about_users_of_faulty_port_or_empty().contains("era doctor"));
+        assert!(
+            !users(&["cat"], true)
+                .sentence_about_visible_or_hidden_users_of_faulty_port_or_empty()
+                .contains("era doctor")
+        );
     }
 
     /// As systemd's `ProtectProc=invisible` has it for a service that is not root's: only its own processes are listed.

@@ -106,14 +106,14 @@ impl SessionWorker {
     }
 
     /// Notices that this program did not run for a while, and ends what was driven or asked for before.
-    pub(super) fn stop_board_if_host_slept_or_process_was_suspended(&mut self) {
-        let _ = self.stop_board_and_get_pause_if_host_slept_or_process_suspended();
+    pub(super) fn stop_board_and_refuse_earlier_orders_if_slept_or_suspended(&mut self) {
+        let _ = self.stop_refuse_earlier_orders_and_get_pause_if_slept_or_suspended();
     }
 
     /// If this program did not run for a while, stops the board and refuses earlier orders; returns how long it did not run. What waited in the
     /// system's buffers meanwhile comes within moments, and is not driven either. A board that was on has gone off by its dead-man timer, and waits
     /// for a person as after any outage: whoever was there may have left.
-    pub(super) fn stop_board_and_get_pause_if_host_slept_or_process_suspended(&mut self) -> Option<Duration> {
+    pub(super) fn stop_refuse_earlier_orders_and_get_pause_if_slept_or_suspended(&mut self) -> Option<Duration> {
         let paused = self.awake.take_time_since_last_call_if_host_slept_or_process_suspended()?;
         self.client.as_ref()?;
         tracing::warn!(
@@ -169,14 +169,14 @@ impl SessionWorker {
     }
 
     /// Notes that the device is told to stop: nothing that was seen of it before counts as its state after the stop.
-    pub(super) fn mark_disarmed_and_state_after_stop_unknown(&mut self) {
+    pub(super) fn mark_disarmed_and_schedule_status_request_after_stop(&mut self) {
         (self.armed, self.drive_until) = (false, None);
         (self.look_next, self.next_status, self.stop_is_seen) = (None, Instant::now(), false);
     }
 
     /// Has the device switch everything off.
     pub(super) fn stop_board_and_await_reply(&mut self) -> Result<(), LinkError> {
-        self.mark_disarmed_and_state_after_stop_unknown();
+        self.mark_disarmed_and_schedule_status_request_after_stop();
         // Those that are counted while it is asked may have come too late for it.
         let stops = self.stops.load(Ordering::SeqCst);
         self.request_from_device_or_stop_it_instead(&Request::Stop)?;
@@ -185,7 +185,7 @@ impl SessionWorker {
     }
 
     /// Carries out the stops that have been asked for since the last one, all by one request, whatever else waits.
-    pub(super) fn send_one_stop_to_board_if_any_requested(&mut self) {
+    pub(super) fn stop_board_once_and_await_reply_if_any_stop_requested(&mut self) {
         if self.client.is_some()
             && self.obeyed != self.stops.load(Ordering::SeqCst)
             && let Err(error) = self.stop_board_and_await_reply()

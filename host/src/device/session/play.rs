@@ -46,7 +46,7 @@ impl SessionWorker {
     }
 
     /// Arms if need be, brings the rails up, and gives the board the envelopes with one start.
-    pub(super) fn arm_if_needed_and_schedule_envelopes(
+    pub(super) fn arm_if_needed_await_rails_and_schedule_envelopes(
         &mut self,
         id: u64,
         stop_count: u64,
@@ -152,7 +152,7 @@ impl SessionWorker {
             .borrow()
             .identity
             .as_ref()
-            .map(|board| self.needs.make_precharge_drives_at_rail_standby_voltages(board))
+            .map(|board| self.needs.make_drives_to_prepare_without_playing_at_standby_voltages(board))
             .unwrap_or_default();
         match self.request_from_device_or_stop_it_instead(&Request::Prepare { drives }).and_then(|_| self.end_drives())
         {

@@ -1,6 +1,6 @@
 //! What a session does without being asked, and what a scene needs of a board.
 
-use crate::device::convert::drive_to_wire;
+use crate::device::convert::drive_to_wire_zeroing_too_narrow_pulses;
 use crate::device::identity::DeviceIdentity;
 use crate::planner::drive::SiDrive;
 use era_shared::MAX_CHANNELS;
@@ -57,14 +57,14 @@ pub enum BoardFit {
 impl SceneNeeds {
     /// Drives at the voltages at which the rails stand ready. They are prepared and never played, so that only the rails rise.
     #[must_use]
-    pub fn make_precharge_drives_at_rail_standby_voltages(
+    pub fn make_drives_to_prepare_without_playing_at_standby_voltages(
         &self,
         board: &DeviceIdentity,
     ) -> heapless::Vec<ChannelDrive, MAX_CHANNELS> {
         let drive = |((channel, limits), volts): ((u8, &ChannelLimits), &f64)| {
             let silent =
                 SiDrive { channel, frequency_hz: SILENT_HZ, pulse_width: 0.5, phase_rad: 0.0, voltage_v: *volts };
-            let wire = drive_to_wire(&silent);
+            let wire = drive_to_wire_zeroing_too_narrow_pulses(&silent);
             ChannelDrive { voltage_millivolts: wire.voltage_millivolts.min(limits.max_voltage_millivolts), ..wire }
         };
         (0..).zip(&board.channels).zip(&self.ready_v).map(drive).take(MAX_CHANNELS).collect()

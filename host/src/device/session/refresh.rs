@@ -60,7 +60,7 @@ impl SessionWorker {
         self.refresh_all_parts_of_snapshot()
     }
 
-    pub(super) fn send_keep_alive_and_stop_board_live_but_not_armed_by_session(&mut self) -> Result<(), LinkError> {
+    pub(super) fn send_keep_alive_and_stop_or_refresh_if_state_contradicts_armed(&mut self) -> Result<(), LinkError> {
         let Reply::Alive { state } = self.request_from_device_or_stop_it_instead(&Request::KeepAlive)? else {
             return Err(unexpected_reply_error("keep-alive"));
         };
@@ -134,14 +134,14 @@ impl SessionWorker {
     pub(super) fn refresh_all_parts_of_snapshot(&mut self) -> Result<(), LinkError> {
         self.look_next = Some(SnapshotPart::Status);
         while self.look_next.is_some() {
-            self.refresh_next_snapshot_part()?;
+            self.refresh_next_snapshot_part_and_notify_after_last()?;
         }
         Ok(())
     }
 
     /// The next part of a look, one request, so that a drive that comes meanwhile waits for one answer and not for four. What is seen is
     /// published part by part: a drive in between is never hidden by a state of before.
-    pub(super) fn refresh_next_snapshot_part(&mut self) -> Result<(), LinkError> {
+    pub(super) fn refresh_next_snapshot_part_and_notify_after_last(&mut self) -> Result<(), LinkError> {
         self.look_next = match self.look_next.take().unwrap_or(SnapshotPart::Status) {
             SnapshotPart::Status => {
                 let seen = self.request_status_and_act_on_it()?;

@@ -134,12 +134,12 @@ impl SessionWorker {
     pub(super) fn run_until_closed(mut self, inbox: &Receiver<Command>) {
         loop {
             self.beat.note_activity();
-            self.send_one_stop_to_board_if_any_requested();
+            self.stop_board_once_and_await_reply_if_any_stop_requested();
             self.carry_out_one_due_task();
             let command = inbox.recv_timeout(self.time_until_next_due_task());
             // A stop goes before whatever came before it, and so does what has happened meanwhile.
-            self.send_one_stop_to_board_if_any_requested();
-            self.stop_board_if_host_slept_or_process_was_suspended();
+            self.stop_board_once_and_await_reply_if_any_stop_requested();
+            self.stop_board_and_refuse_earlier_orders_if_slept_or_suspended();
             match command {
                 Ok(Command::Drive { order, asked, answer }) => {
                     let result = self
@@ -216,9 +216,9 @@ impl SessionWorker {
             self.request_from_device_or_stop_it_instead(&Request::Disarm).map(|_| self.armed = false)
         } else if now >= self.last_heard + self.device.timing().keep_alive {
             // Armed or not: so a board that is gone is seen to be.
-            self.send_keep_alive_and_stop_board_live_but_not_armed_by_session()
+            self.send_keep_alive_and_stop_or_refresh_if_state_contradicts_armed()
         } else if self.look_next.is_some() || now >= self.next_status {
-            self.refresh_next_snapshot_part()
+            self.refresh_next_snapshot_part_and_notify_after_last()
         } else if now >= self.next_clock {
             self.request_clock_sample_and_publish_quality_if_supported()
         } else {
@@ -265,7 +265,12 @@ impl SessionWorker {
                 .and_then(|()| self.arm_if_needed_and_set_drives(id, stops, drives, (hold, from_zero))),
             DriveContent::Envelopes { drives, effects } => {
                 self.schedule_effect_retrying_if_start_passed(id, asked_at, start, |worker, start| {
-                    worker.arm_if_needed_and_schedule_envelopes(id, stops, (drives.clone(), effects.clone()), start)
+                    worker.arm_if_needed_await_rails_and_schedule_envelopes(
+                        id,
+                        stops,
+                        (drives.clone(), effects.clone()),
+                        start,
+                    )
                 })
             }
             DriveContent::Windows(sequence) => {
@@ -406,7 +411,7 @@ impl SessionWorker {
     pub(super) fn request_from_device_or_stop_it_instead(&mut self, request: &Request) -> Result<Reply, LinkError> {
         self.beat.note_activity();
         if !matches!(request, Request::Stop)
-            && let Some(waited) = self.stop_board_and_get_pause_if_host_slept_or_process_suspended()
+            && let Some(waited) = self.stop_refuse_earlier_orders_and_get_pause_if_slept_or_suspended()
         {
             return Err(LinkError::Halted { request: request_name(request), waited, by_order: false });
         }
@@ -431,7 +436,7 @@ impl SessionWorker {
         );
         if let Err(LinkError::Halted { by_order, .. }) = &reply {
             self.obeyed = if *by_order { seen.get() } else { self.obeyed };
-            self.mark_disarmed_and_state_after_stop_unknown();
+            self.mark_disarmed_and_schedule_status_request_after_stop();
             self.invalidate_earlier_orders();
         } else if let Err(error) = reply {
             return Err(error);
@@ -486,7 +491,7 @@ impl SessionWorker {
         if let Some(mut client) = self.take_client_adding_its_statistics() {
             client.send_stop_without_reply();
         }
-        let mut text = self.device.describe_link_error(error);
+        let mut text = self.device.describe_link_error_for_emulator_or_name_programs_on_port(error);
         if matches!(error, LinkError::Port(PortError::Busy { .. })) {
             text += ". The daemon tries again until the port is free";
         }

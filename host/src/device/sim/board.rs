@@ -332,13 +332,13 @@ impl Board for SimBoard {
         Ok(())
     }
 
-    fn pulse_electrode_and_measure_rail_mv(
+    fn pulse_electrode_and_get_rail_mv_after_first_and_last(
         &mut self,
         channel: usize,
         electrode: Electrode,
     ) -> Result<ElectrodePulses, FaultFinding> {
         self.advance_panel_to_now();
-        Ok(self.panel.pulse_electrode_and_measure_rail_mv(channel, electrode))
+        Ok(self.panel.pulse_electrode_and_get_rail_mv_after_first_and_last(channel, electrode))
     }
 
     fn store_run_record_for_next_boot(&mut self, run: KeptRun) {

@@ -112,8 +112,13 @@ impl SimElectrodes {
             let rail = rail_index_of_channel(channel);
             let volts = rail_volts.get(rail).copied().unwrap_or(0.0);
             for (electrode, on_part) in [Electrode::A, Electrode::B].into_iter().zip(on_parts) {
-                let charge_c =
-                    self.charge_electrode_returning_coulombs_taken(channel, electrode, volts, on_part * step_s, step_s);
+                let charge_c = self.charge_then_discharge_electrode_returning_coulombs_taken(
+                    channel,
+                    electrode,
+                    volts,
+                    on_part * step_s,
+                    step_s,
+                );
                 if let Some(taken_c) = taken_c.get_mut(rail) {
                     *taken_c += charge_c;
                 }
@@ -134,7 +139,7 @@ impl SimElectrodes {
     }
 
     /// Charges an electrode for `on_s`, then discharges it for the rest of the step; what it takes from its rail, in C.
-    fn charge_electrode_returning_coulombs_taken(
+    fn charge_then_discharge_electrode_returning_coulombs_taken(
         &mut self,
         channel: usize,
         electrode: Electrode,
@@ -162,7 +167,7 @@ impl SimElectrodes {
 
     /// The self-test's pulses on one electrode, whose rail has no supply: they are over at once.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-    pub fn apply_self_test_pulses_and_measure_rail_mv(
+    pub fn apply_self_test_pulses_and_get_rail_mv_after_first_and_last(
         &mut self,
         time_s: f64,
         channel: usize,
@@ -174,8 +179,13 @@ impl SimElectrodes {
         let mut after_first_v = rail_v;
         for number in 0..TEST_PULSES {
             // All of it is taken from the rail's own capacitance; the rest of the time the lower switch discharges the electrode.
-            let charge_c =
-                self.charge_electrode_returning_coulombs_taken(channel, electrode, rail_v, pulse_s, pulse_s + pause_s);
+            let charge_c = self.charge_then_discharge_electrode_returning_coulombs_taken(
+                channel,
+                electrode,
+                rail_v,
+                pulse_s,
+                pulse_s + pause_s,
+            );
             rail_v = (rail_v - charge_c / RAIL_F).max(0.0) * (-(pulse_s + pause_s) / (BLEEDERS_OHM * RAIL_F)).exp();
             if number == 0 {
                 after_first_v = rail_v;

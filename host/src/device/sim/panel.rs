@@ -247,11 +247,17 @@ impl SimPanel {
     }
 
     /// The self-test's pulses on one electrode.
-    pub fn pulse_electrode_and_measure_rail_mv(&mut self, channel: usize, electrode: Electrode) -> ElectrodePulses {
+    pub fn pulse_electrode_and_get_rail_mv_after_first_and_last(
+        &mut self,
+        channel: usize,
+        electrode: Electrode,
+    ) -> ElectrodePulses {
         let time_s = self.time_s();
         let index = rail_index_of_channel(channel);
         let mut rail = self.rail(index);
-        let pulses = self.electrodes.apply_self_test_pulses_and_measure_rail_mv(time_s, channel, electrode, &mut rail);
+        let pulses = self
+            .electrodes
+            .apply_self_test_pulses_and_get_rail_mv_after_first_and_last(time_s, channel, electrode, &mut rail);
         self.set_rail(index, rail);
         pulses
     }
@@ -403,13 +409,18 @@ fn electrode_force_at_travel_less_counted_softening_n(
 }
 
 /// Force of the stops in N; `compliance_m_per_n` is the mean travel in a step for 1 N, in m/N.
-fn end_stop_force_n(transducer: &Transducer, travel_m: f64, previous_travel_m: f64, compliance_m_per_n: f64) -> f64 {
+fn end_stop_force_n(
+    transducer: &Transducer,
+    travel_m: f64,
+    previous_travel_m: f64,
+    step_travel_per_force_m_per_n: f64,
+) -> f64 {
     let beyond_m = travel_m.abs() - STOP * transducer.gap_m;
-    if beyond_m <= 0.0 || compliance_m_per_n <= 0.0 {
+    if beyond_m <= 0.0 || step_travel_per_force_m_per_n <= 0.0 {
         return 0.0;
     }
     let rebound = if travel_m.abs() < previous_travel_m.abs() { REBOUND } else { 1.0 };
-    -travel_m.signum() * beyond_m * rebound * STOP_STIFFNESS / compliance_m_per_n
+    -travel_m.signum() * beyond_m * rebound * STOP_STIFFNESS / step_travel_per_force_m_per_n
 }
 
 #[cfg(test)]

@@ -224,7 +224,7 @@ impl DeviceLoop {
     fn new(panel: SimPanel, max_voltages_v: &[f64], board_id: [u8; 12], control: SimControl) -> Self {
         let mut board = SimBoard::new(panel, max_voltages_v, Clock::Wall(Instant::now())).with_board_id(board_id);
         let mut device = Device::new();
-        device.complete_boot_to_discharging_or_fault(&mut board);
+        device.restore_credit_and_complete_boot_to_discharging_or_fault(&mut board);
         Self {
             device,
             board,
@@ -431,7 +431,7 @@ impl DeviceLoop {
         self.board.hold_time_at_us(None);
         self.board.restart_keeping_panel_motion_and_rail_voltages();
         self.device = Device::new();
-        self.device.complete_boot_to_discharging_or_fault(&mut self.board);
+        self.device.restore_credit_and_complete_boot_to_discharging_or_fault(&mut self.board);
         self.port.discard_partial_frame();
     }
 }

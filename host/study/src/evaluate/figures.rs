@@ -105,11 +105,12 @@ impl FigureCache<'_> {
                 .find_weakest_place()
                 .map(|place| place.peak_g)
                 .ok_or_else(|| nothing("all places of the map are in cut-outs"))?,
-            Figure::ClickSoundDb => {
-                self.get_or_compute_click_map()?.mean_sound_db_if_any().ok_or_else(|| nothing(NO_CLICK_OF_WINDOWS))?
-            }
-            Figure::RigidModeHz => rigid::last_driven_rigid_mode_if_any_hz(self.table).unwrap_or(0.0),
-            Figure::BendingModeHz => rigid::first_driven_bending_mode_if_any_hz(self.table)
+            Figure::ClickSoundDb => self
+                .get_or_compute_click_map()?
+                .sound_db_of_mean_square_velocity_over_places_if_any()
+                .ok_or_else(|| nothing(NO_CLICK_OF_WINDOWS))?,
+            Figure::RigidModeHz => rigid::last_rigid_mode_moving_surface_if_any_hz(self.table).unwrap_or(0.0),
+            Figure::BendingModeHz => rigid::first_bending_mode_moving_surface_if_any_hz(self.table)
                 .ok_or_else(|| nothing("the model contains no mode that bends the panel"))?,
             Figure::SagUm | Figure::MassG | Figure::Cost => f64::NAN,
         })

@@ -49,7 +49,7 @@ impl VerifiedFigures {
     /// Whether the errors of all figures that can have a bound, of those that are `wanted`, are within a tolerance; `None` where one of them has none, and
     /// where there is none of them.
     #[must_use]
-    pub fn is_tolerance_met_by_boundable_figures_if_known(
+    pub fn is_tolerance_met_by_boundable_figures_if_any_and_all_bounded(
         &self,
         wanted: &[WantedFigure],
         tolerance: f64,
@@ -125,7 +125,7 @@ impl ThoroughEvaluator {
     ///
     /// # Errors
     /// [`EvaluateError`].
-    pub fn compute_figures_and_bounds_refining_once_if_tolerance_missed(
+    pub fn compute_figures_refining_once_if_weakest_peak_misses_tolerance(
         &self,
         scene: &Scene,
         wanted: &[WantedFigure],

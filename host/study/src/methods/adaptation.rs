@@ -153,7 +153,7 @@ impl CovarianceAdaptation {
         }
         self.step *= (rates.path_of_step / rates.damping * (length / rates.normal_length - 1.0)).exp();
         self.record_best_loss_of_generation(order.first().map_or(f64::INFINITY, value));
-        self.update_covariance_axes();
+        self.update_covariance_axes_or_mark_degenerate();
     }
 
     /// Generations over which a best value that stays the same ends a search (appendix B.3, EqualFunValues).
@@ -168,7 +168,7 @@ impl CovarianceAdaptation {
         self.best.push_back(best_loss);
     }
 
-    fn update_covariance_axes(&mut self) {
+    fn update_covariance_axes_or_mark_degenerate(&mut self) {
         let covariance = 0.5 * (&self.covariance + self.covariance.transpose());
         let is_finite =
             self.step.is_finite() && covariance.iter().chain(self.mean.iter()).all(|value| value.is_finite());

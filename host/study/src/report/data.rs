@@ -66,13 +66,13 @@ pub(super) fn write_plot_data_json(study: &Study, table: &DesignTable, finals: &
         })
         .collect();
     let finalists: Vec<usize> = finals.best.iter().map(|own| own.design).collect();
-    let rows: Vec<Value> = choose_one_based_numbers_of_designs_to_plot_thinning_if_too_many(study, table, &finalists)
+    let rows: Vec<Value> = choose_one_based_unfailed_designs_to_plot_thinning_if_too_many(study, table, &finalists)
         .into_iter()
         .map(|number| {
             let entry = &table.entries[number - 1];
             json!([
                 plot_code_0_not_meeting_limits_1_meeting_2_on_pareto_front(entry),
-                plot_row_of_design_number_settings_and_figures_to_six_digits(
+                plot_row_of_number_settings_and_worst_case_figures_to_six_digits(
                     study,
                     table,
                     entry,
@@ -84,7 +84,7 @@ pub(super) fn write_plot_data_json(study: &Study, table: &DesignTable, finals: &
         .collect();
     let base = json!([
         plot_code_0_not_meeting_limits_1_meeting_2_on_pareto_front(&table.base),
-        plot_row_of_design_number_settings_and_figures_to_six_digits(
+        plot_row_of_number_settings_and_worst_case_figures_to_six_digits(
             study,
             table,
             &table.base,
@@ -107,7 +107,7 @@ fn plot_code_0_not_meeting_limits_1_meeting_2_on_pareto_front(entry: &TableEntry
 }
 
 /// A row's numbers, to six digits, in the columns' order. Figures are the worst of what may be off where they are wished for.
-fn plot_row_of_design_number_settings_and_figures_to_six_digits(
+fn plot_row_of_number_settings_and_worst_case_figures_to_six_digits(
     study: &Study,
     table: &DesignTable,
     entry: &TableEntry,
@@ -130,7 +130,7 @@ fn plot_row_of_design_number_settings_and_figures_to_six_digits(
 }
 
 /// The designs that are shown, by number: those of the front, the finalists, and others evenly.
-fn choose_one_based_numbers_of_designs_to_plot_thinning_if_too_many(
+fn choose_one_based_unfailed_designs_to_plot_thinning_if_too_many(
     study: &Study,
     table: &DesignTable,
     finalist_numbers: &[usize],

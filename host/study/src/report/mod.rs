@@ -33,7 +33,7 @@ pub fn write_report_html(study: &Study, table: &DesignTable, finals: &VerifiedFi
         &mut html,
         "effects",
         "Effects of the variables",
-        &pictures::write_main_effects_and_interactions_html(study, table),
+        &pictures::write_main_effects_and_interactions_on_wishes_html(study, table),
     );
     add_html_section(
         &mut html,
@@ -70,7 +70,7 @@ fn escape_html(text: &str) -> String {
 
 /// A bound with one digit, no less than it is.
 #[must_use]
-pub fn format_bound_with_one_digit_rounded_up(bound: f64) -> String {
+pub fn format_bound_in_scientific_notation_rounded_up_to_one_digit(bound: f64) -> String {
     let unit = 10.0_f64.powf(bound.log10().floor());
     let up = (bound / unit * (1.0 - 1e-9)).ceil() * unit;
     if up.is_finite() { format!("{up:.0e}") } else { format!("{bound:.0e}") }
@@ -96,7 +96,8 @@ mod tests {
 
     #[test]
     fn bounds_are_never_told_smaller() {
-        let told = [1.4e-3, 1e-3, 9.5e-5, 0.0, f64::INFINITY].map(format_bound_with_one_digit_rounded_up);
+        let told =
+            [1.4e-3, 1e-3, 9.5e-5, 0.0, f64::INFINITY].map(format_bound_in_scientific_notation_rounded_up_to_one_digit);
         assert_eq!(told, ["2e-3", "1e-3", "1e-4", "0e0", "inf"]);
     }
 

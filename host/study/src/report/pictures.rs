@@ -20,7 +20,7 @@ const GAP: f64 = 3.0;
 const MOST_PAIRS: usize = 6;
 
 /// Main effects and interactions of all wishes, as HTML.
-pub(super) fn write_main_effects_and_interactions_html(study: &Study, table: &DesignTable) -> String {
+pub(super) fn write_main_effects_and_interactions_on_wishes_html(study: &Study, table: &DesignTable) -> String {
     let dimensions = study.space.dimensions();
     let mut html = String::from(
         "<p>Main effects: the mean of a figure over all designs whose variable lies in the same section of its range. \

@@ -1,9 +1,12 @@
 //! The report's tables: what was found, how sure it is, what failed.
 
-use super::{escape_html, format_bound_with_one_digit_rounded_up, format_four_significant_digits_or_no_value_if_nan};
+use super::{
+    escape_html, format_bound_in_scientific_notation_rounded_up_to_one_digit,
+    format_four_significant_digits_or_no_value_if_nan,
+};
 use crate::result::{DesignStatus, DesignTable, Finalist, VerifiedFinalists};
 use crate::run::Study;
-use crate::space::describe_variable;
+use crate::space::describe_variable_name_and_allowed_values;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -36,7 +39,7 @@ pub(super) fn write_summary_html(study: &Study, table: &DesignTable, finals: &Ve
     }
     html.push_str("</p>\n<p>Variables:</p>\n<ul>\n");
     for variable in study.space.variables() {
-        let _ = writeln!(html, "<li>{}</li>", escape_html(&describe_variable(variable)));
+        let _ = writeln!(html, "<li>{}</li>", escape_html(&describe_variable_name_and_allowed_values(variable)));
     }
     html.push_str("</ul>\n<p>Wishes: ");
     let wishes = study.spec.wishes.iter().map(|wish| format!("{} {}", wish.goal.name(), wish.wanted.column_name()));
@@ -89,7 +92,7 @@ fn write_html_table_of_scene_and_best_designs(
     for (k, wanted) in study.figures.iter().enumerate() {
         let _ = write!(html, "<tr class=\"figure\"><th>{}</th>", escape_html(&wanted.column_name()));
         for own in std::iter::once(&finals.base).chain(&finals.best) {
-            html.push_str(&html_cell_of_finalist_figure(study, own, k));
+            html.push_str(&html_cell_of_verified_figure_or_failure_reason(study, own, k));
         }
         html.push_str("</tr>\n");
     }
@@ -139,7 +142,7 @@ fn write_html_table_of_scene_and_best_designs(
 }
 
 /// A figure of a finalist, as a table's cell.
-fn html_cell_of_finalist_figure(study: &Study, finalist: &Finalist, figure_index: usize) -> String {
+fn html_cell_of_verified_figure_or_failure_reason(study: &Study, finalist: &Finalist, figure_index: usize) -> String {
     match &finalist.verified {
         Ok(verified) => {
             let value = verified.figures.values.get(figure_index).copied();
@@ -183,7 +186,7 @@ fn html_cell_both_evaluations_meet_limits(study: &Study, table: &DesignTable, fi
             let reason = found.reason.as_deref().unwrap_or_default();
             format!("<td class=\"unmet\" title=\"{}\">not met</td>", escape_html(reason))
         }
-        _ if finalist.describe_verified_broken_limits_if_any(study).is_some() => {
+        _ if finalist.describe_broken_limits_if_any_unless_verification_failed(study).is_some() => {
             "<td class=\"unmet\">not met</td>".into()
         }
         Some(found) if found.status == DesignStatus::Kept => "<td>met</td>".into(),
@@ -225,7 +228,7 @@ pub(super) fn write_accuracy_convergence_and_failures_html(
                 format!("{:+.2} %", 100.0 * (first / anew - 1.0))
             };
             let bound = match verified.bounds.get(k).copied().flatten() {
-                Some(bound) => format_bound_with_one_digit_rounded_up(bound),
+                Some(bound) => format_bound_in_scientific_notation_rounded_up_to_one_digit(bound),
                 None => "not known".into(),
             };
             let _ = writeln!(

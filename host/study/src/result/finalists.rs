@@ -12,7 +12,11 @@ const ALIKE: f64 = 0.05;
 /// not all alike; with several the one that is best between them (whose largest distance from the best of each wish, in parts of its
 /// range over the front, is least), then the best of each, then others of the front in the first one's way.
 #[must_use]
-pub fn choose_finalist_indices_best_first(study: &Study, table: &DesignTable, count: usize) -> Vec<usize> {
+pub fn choose_distinct_finalist_indices_meeting_limits_best_first(
+    study: &Study,
+    table: &DesignTable,
+    count: usize,
+) -> Vec<usize> {
     let kept: Vec<usize> =
         (0..table.entries.len()).filter(|k| table.entries[*k].status == DesignStatus::Kept).collect();
     let losses: Vec<Vec<f64>> = kept.iter().map(|k| worst_case_loss_of_each_wish(study, &table.entries[*k])).collect();

@@ -10,7 +10,7 @@ mod verify;
 
 pub use self::parquet::{TableError, write_parquet_table as write_parquet};
 pub use effects::{DimensionLevels, EffectAnalysis, Interaction, MainEffect};
-pub use finalists::choose_finalist_indices_best_first;
+pub use finalists::choose_distinct_finalist_indices_meeting_limits_best_first;
 pub use limits::{
     constraint_names_and_signed_excesses_of_design, describe_broken_limits_if_any, objective_names_and_losses_of_design,
 };

@@ -38,7 +38,7 @@ enum ColumnValues<'a> {
 /// # Errors
 /// [`TableError`].
 pub fn write_parquet_table(table: &DesignTable) -> Result<Vec<u8>, TableError> {
-    let columns = build_parquet_columns(table);
+    let columns = build_parquet_columns_after_design_number(table);
     let mut fields = vec![Arc::new(
         Type::primitive_type_builder("design", Physical::INT64).with_repetition(Repetition::REQUIRED).build()?,
     )];
@@ -116,7 +116,7 @@ fn number_column<'t>(name: String, value_of_entry: impl Fn(&TableEntry) -> Optio
 }
 
 /// All columns of the file after `design`.
-fn build_parquet_columns(table: &DesignTable) -> Vec<ParquetColumn<'_>> {
+fn build_parquet_columns_after_design_number(table: &DesignTable) -> Vec<ParquetColumn<'_>> {
     let mut columns = vec![
         ParquetColumn {
             name: "status".into(),

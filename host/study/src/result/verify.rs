@@ -1,6 +1,6 @@
 //! The finalists, looked at again thoroughly, beside the scene as it is in its file.
 
-use super::finalists::choose_finalist_indices_best_first;
+use super::finalists::choose_distinct_finalist_indices_meeting_limits_best_first;
 use super::limits::describe_broken_limits_if_any;
 use super::table::{DesignTable, TableEntry};
 use crate::evaluate::{ThoroughEvaluator, VerifiedFigures};
@@ -21,7 +21,7 @@ pub struct Finalist {
 impl Finalist {
     /// The limits that its figures, as they were computed anew, break; `None` if it keeps all, or has none.
     #[must_use]
-    pub fn describe_verified_broken_limits_if_any(&self, study: &Study) -> Option<String> {
+    pub fn describe_broken_limits_if_any_unless_verification_failed(&self, study: &Study) -> Option<String> {
         let values = self.verified.as_ref().ok().map(|verified| verified.figures.values.as_slice())?;
         describe_broken_limits_if_any(study, |figure| values.get(figure).map(|value| (*value, *value)))
     }
@@ -60,7 +60,8 @@ impl VerifiedFinalists {
         let thorough = ThoroughEvaluator::new(study.plan_table_options());
         let base = evaluate_finalist_thoroughly_recording_failure(study, &thorough, 0, &table.base)?;
         let mut best = Vec::new();
-        for own in choose_finalist_indices_best_first(study, table, study.spec.method.finalists) {
+        for own in choose_distinct_finalist_indices_meeting_limits_best_first(study, table, study.spec.method.finalists)
+        {
             if is_stop_wanted() {
                 return Ok(None);
             }
@@ -80,7 +81,7 @@ impl VerifiedFinalists {
 fn sort_finalists_meeting_limits_first_then_breaking_then_failed(study: &Study, finalists: &mut [Finalist]) {
     let rank = |own: &Finalist| match own.verified {
         Err(_) => 2,
-        Ok(_) if own.describe_verified_broken_limits_if_any(study).is_some() => 1,
+        Ok(_) if own.describe_broken_limits_if_any_unless_verification_failed(study).is_some() => 1,
         Ok(_) => 0,
     };
     finalists.sort_by_key(rank);
@@ -103,7 +104,7 @@ fn evaluate_finalist_thoroughly_recording_failure(
     let text = study.space.design_as_scene_text(own)?;
     let scene = study.space.build_scene_of_design_with_deviations_checking_distances(own, &[])?;
     let verified = thorough
-        .compute_figures_and_bounds_refining_once_if_tolerance_missed(&scene, &study.figures)
+        .compute_figures_refining_once_if_weakest_peak_misses_tolerance(&scene, &study.figures)
         .map_err(|error| error.to_string());
     let verified = verified.map(|mut verified| {
         study.fill_in_mass_and_cost_figures(&scene, own, &mut verified.figures);

@@ -32,7 +32,7 @@ pub fn sum_relative_limit_violations_if_all_limited_figures_known(
     row: &DesignRow,
     figures: &[WantedFigure],
     limits: &[FigureLimit],
-    base: Option<&DesignRow>,
+    base_scaling_limits_of_zero: Option<&DesignRow>,
 ) -> Option<f64> {
     let mut sum = 0.0;
     for limit in limits {
@@ -40,7 +40,9 @@ pub fn sum_relative_limit_violations_if_all_limited_figures_known(
         let (low, high) = row
             .least_and_most_of_figure_over_samples_unless_failed(figure)
             .filter(|(low, high)| !low.is_nan() && !high.is_nan())?;
-        let own = base.and_then(DesignRow::figures_unless_failed).and_then(|own| own.values.get(figure));
+        let own = base_scaling_limits_of_zero
+            .and_then(DesignRow::figures_unless_failed)
+            .and_then(|own| own.values.get(figure));
         let usual = own.map(|own| own.abs()).filter(|own| own.is_finite() && *own > NO_BOUND).unwrap_or(1.0);
         let beyond = |by: f64, bound: f64| {
             let whole = match bound.abs() {
@@ -58,7 +60,7 @@ pub fn sum_relative_limit_violations_if_all_limited_figures_known(
 /// What a design is worth, wishes weighed: logarithms of ratios to the scene's own figures (differences for levels in dB), so that no figure in whatever
 /// unit is beyond what a broken limit counts. The scene's own are constants in a sum: where it has none above 0 they are left out.
 #[must_use]
-pub fn compute_search_loss_weighting_wishes_and_penalising_broken_limits(
+pub fn compute_search_loss_of_weighted_wishes_or_only_broken_limits(
     spec: &StudySpec,
     figures: &[WantedFigure],
     base: Option<&DesignRow>,
@@ -111,7 +113,7 @@ mod tests {
         let spec = spec("[[wish]]\nfigure = \"rigid_mode_hz\"\n[[wish]]\nfigure = \"mass_g\"\n");
         let figures = spec.distinct_figures_of_wishes_and_limits();
         let loss = |base: Option<&DesignRow>, values: &[f64]| {
-            compute_search_loss_weighting_wishes_and_penalising_broken_limits(
+            compute_search_loss_of_weighted_wishes_or_only_broken_limits(
                 &spec,
                 &figures,
                 base,
@@ -141,7 +143,7 @@ mod tests {
         for unit in [1.0, 1e9, 1e12] {
             let base = row(&[0.35 * unit, 300.0]);
             let loss = |cost: f64, mass_g: f64| {
-                compute_search_loss_weighting_wishes_and_penalising_broken_limits(
+                compute_search_loss_of_weighted_wishes_or_only_broken_limits(
                     &spec,
                     &figures,
                     Some(&base),

@@ -10,7 +10,7 @@ mod work;
 
 pub use folder::{FolderError, StudyFolder, decode_task_rows_if_of_study_and_task, encode_task_rows};
 pub use losses::{
-    compute_search_loss_weighting_wishes_and_penalising_broken_limits,
+    compute_search_loss_of_weighted_wishes_or_only_broken_limits,
     sum_relative_limit_violations_if_all_limited_figures_known, worst_case_figure_of_wish_unless_failed,
 };
 pub use row::{DesignOutcome, DesignRow};

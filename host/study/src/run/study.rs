@@ -2,7 +2,7 @@
 
 use super::fits;
 use super::folder::format_hex;
-use super::losses::compute_search_loss_weighting_wishes_and_penalising_broken_limits;
+use super::losses::compute_search_loss_of_weighted_wishes_or_only_broken_limits;
 use super::row::{DesignOutcome, DesignRow};
 use super::task::StudyTask;
 use crate::bounds::{StudyBounds, UnusableStudy};
@@ -331,7 +331,7 @@ impl Study {
             .unwrap_or_default();
         rows.iter()
             .map(|row| {
-                compute_search_loss_weighting_wishes_and_penalising_broken_limits(
+                compute_search_loss_of_weighted_wishes_or_only_broken_limits(
                     &self.spec,
                     &self.figures,
                     Some(base),

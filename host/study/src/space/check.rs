@@ -103,7 +103,7 @@ impl DesignSpace {
                     // A table that is put where a key has been set takes that with it.
                     if is_count { own == other } else { other.starts_with(own) }
                 });
-                found.map(|(_, other)| (before, document::format_place_as_path(other)))
+                found.map(|(_, other)| (before, document::format_place_as_path_with_indices_from_one(other)))
             })
         };
         let tell = |number: usize| {
@@ -256,7 +256,8 @@ impl DesignSpace {
                 Some((place, before))
             });
             if let Some((place, before)) = clash {
-                let (place, other) = (document::format_place_as_path(place), &self.uncertain[before]);
+                let (place, other) =
+                    (document::format_place_as_path_with_indices_from_one(place), &self.uncertain[before]);
                 lines.report_mistake_in_line(
                     own.line,
                     format!(
@@ -284,7 +285,7 @@ impl DesignSpace {
             .map(|number| {
                 let is_it = |other: usize| has_valid_paths[number] && other == number;
                 let reason = self.first_refusal_if_all_points_are_tried_and_refused(
-                    &self.points_varying_variable_others_at_middle(number),
+                    &self.points_with_variable_at_ends_and_middle_others_at_middle(number),
                     &is_it,
                     &left,
                 )?;
@@ -317,7 +318,7 @@ impl DesignSpace {
     }
 
     /// Points with all combinations of some values of a variable's dimensions.
-    fn points_varying_variable_others_at_middle(&self, variable_index: usize) -> Vec<Vec<f64>> {
+    fn points_with_variable_at_ends_and_middle_others_at_middle(&self, variable_index: usize) -> Vec<Vec<f64>> {
         let own = |dimension: &&CubeDimension| dimension.variable == variable_index;
         let count = self.dimensions.iter().filter(own).count();
         let combination = |tried: usize| {

@@ -90,11 +90,11 @@ fn suggest_list_names(base: &DocumentMut, name: &str) -> String {
 fn check_path_exists_and_values_are_tables_if_it_leads_to_list_entry(
     base: &DocumentMut,
     path: &ScenePath,
-    are_tables: bool,
+    are_values_tables: bool,
 ) -> Result<(), PathError> {
     let places = path.find_places_allowing_new_last_key(base)?;
     let is_table = places.iter().any(|place| matches!(place.last(), Some(PathStep::Index(_))));
-    if is_table && !are_tables { Err(PathError::Table { path: path.to_string() }) } else { Ok(()) }
+    if is_table && !are_values_tables { Err(PathError::Table { path: path.to_string() }) } else { Ok(()) }
 }
 
 /// Sets a variable in a document. Paths are followed in `base`, the scene's file.
@@ -276,11 +276,11 @@ pub(super) fn check_minimum_distances(
 /// A table's place as people name it: an actuator by its `id`.
 fn id_or_path_of_table(document: &DocumentMut, place: &[PathStep]) -> String {
     let id = find_table_at_place(document, place).and_then(|table| table.get("id")?.as_str().map(str::to_owned));
-    id.unwrap_or_else(|| format_place_as_path(place))
+    id.unwrap_or_else(|| format_place_as_path_with_indices_from_one(place))
 }
 
 /// A place as a path to it is written.
-pub(super) fn format_place_as_path(place: &[PathStep]) -> String {
+pub(super) fn format_place_as_path_with_indices_from_one(place: &[PathStep]) -> String {
     let mut text = String::new();
     for step in place {
         match step {

@@ -271,7 +271,7 @@ fn collect_all_places_of_paths(paths: &[ScenePath], document: &DocumentMut) -> R
 
 /// A variable in words.
 #[must_use]
-pub fn describe_variable(variable: &StudyVariable) -> String {
+pub fn describe_variable_name_and_allowed_values(variable: &StudyVariable) -> String {
     let mut text = variable.name.clone();
     match &variable.what {
         VariableKind::Number { numbers, .. } => {

@@ -54,7 +54,7 @@ fn read_whole_spec(file: &TomlSection<'_, '_>, values: &DocumentMut) -> StudySpe
     }
     let limits = file.read_tables("limit").into_iter().filter_map(read_limit_unless_figure_invalid).collect();
     let uncertain: Vec<UncertainValue> =
-        file.read_tables("uncertain").into_iter().map(read_uncertainty_of_scene_keys).collect();
+        file.read_tables("uncertain").into_iter().map(read_relative_or_absolute_uncertainty_of_scene_keys).collect();
     let costs = file.read_table_if_given_and_a_table("cost").map_or_else(PartCosts::default, read_costs);
     let method = read_method(file, &uncertain);
     StudySpec { name, scene, variables, apart, wishes, limits, uncertain, costs, method }
@@ -113,7 +113,7 @@ fn read_variable(section: TomlSection<'_, '_>, list: Option<&toml_edit::Array>) 
         [false, true, false] => {
             let of = read_path(&section, "place");
             let name = of.as_ref().map_or_else(String::new, ToString::to_string);
-            (name, of.and_then(|of| read_place_variable(&section, of)))
+            (name, of.and_then(|of| read_place_or_mirror_variable(&section, of)))
         }
         [false, false, true] => {
             let list = section.read_required_text_or_empty("count");
@@ -243,7 +243,7 @@ impl Plain for Value {
     }
 }
 
-fn read_place_variable(section: &TomlSection<'_, '_>, table_path: ScenePath) -> Option<VariableKind> {
+fn read_place_or_mirror_variable(section: &TomlSection<'_, '_>, table_path: ScenePath) -> Option<VariableKind> {
     let given = ["within_mm", "line_mm", "mirror_of"].map(|key| section.has_key_marking_known(key));
     let linear = |from: f64, to: f64, step: Option<f64>| NumberRange { from, to, scale: NumberScale::Linear, step };
     if given[2] {
@@ -383,7 +383,7 @@ fn read_limit_unless_figure_invalid(section: TomlSection<'_, '_>) -> Option<Figu
     Some(FigureLimit { wanted: wanted?, least, most })
 }
 
-fn read_uncertainty_of_scene_keys(section: TomlSection<'_, '_>) -> UncertainValue {
+fn read_relative_or_absolute_uncertainty_of_scene_keys(section: TomlSection<'_, '_>) -> UncertainValue {
     let paths = read_paths(&section, "key");
     let usual = paths.first().map_or_else(String::new, ToString::to_string);
     let name = if section.has_key_marking_known("name") { section.read_required_text_or_empty("name") } else { usual };

@@ -130,7 +130,7 @@ impl ScenePath {
             let is_last = number + 1 == self.segments.len();
             let mut next = Vec::new();
             for (steps, at) in places {
-                let found = at.find_targets_of_segment_if_any(segment, is_last);
+                let found = at.find_targets_of_segment_if_any_allowing_new_key_if_last(segment, is_last);
                 let missing =
                     || PathError::Missing { path: self.text.clone(), missing: self.format_up_to_segment(number) };
                 for (step, at) in found.ok_or_else(missing)? {
@@ -176,7 +176,7 @@ enum PathTarget<'d> {
 
 impl<'d> PathTarget<'d> {
     /// Where a segment leads: one place, or all of a list; `None` if nothing is there and the last key may not be new.
-    fn find_targets_of_segment_if_any(
+    fn find_targets_of_segment_if_any_allowing_new_key_if_last(
         self,
         segment: &PathSegment,
         is_last: bool,

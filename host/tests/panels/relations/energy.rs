@@ -86,7 +86,7 @@ fn panels_take_power() {
 fn reduced(spec: &Spec) -> Result<ReducedModel, TestCaseError> {
     let fail = |error: era::model::ModelError| TestCaseError::fail(format!("{error}\n{}", spec.text()));
     PanelModel::build(&spec.scene(), Accuracy::BALANCED, HIGHEST_HZ)
-        .and_then(|model| model.reduce_with_residual_shapes_of_actuators_and_points(HIGHEST_HZ, &[]))
+        .and_then(|model| model.reduce_with_residual_shapes_of_actuators_damping_and_points(HIGHEST_HZ, &[]))
         .map_err(fail)
 }
 

@@ -16,7 +16,7 @@ fn table_at(spec: &Spec, accuracy: Accuracy) -> Result<PlanTable, TestCaseError>
     let fail = |error: String| TestCaseError::fail(format!("{error}\n{}", spec.text()));
     let (scene, options) = (spec.scene(), TableOptions::for_preview());
     let model = PanelModel::build(&scene, accuracy, options.to_hz)
-        .and_then(|model| model.reduce_with_residual_shapes_of_actuators_and_points(options.to_hz, &[]));
+        .and_then(|model| model.reduce_with_residual_shapes_of_actuators_damping_and_points(options.to_hz, &[]));
     let model = model.map_err(|error| fail(error.to_string()))?;
     PlanTable::build(&scene, model, options).map_err(|error| fail(error.to_string()))
 }

@@ -1,6 +1,6 @@
 //! Plans that follow each other on the simulated device, plainly or as the daemon orders them.
 
-use era::device::convert::drive_to_wire;
+use era::device::convert::drive_to_wire_zeroing_too_narrow_pulses;
 use era::device::sim::SimPanel;
 use era::planner::drive::assign_channels_in_order_of_drives;
 use era::planner::plan::derate_plan;
@@ -115,7 +115,10 @@ pub fn simulate_turns(
                 (Some(_), _) => None,
             };
             if let Some((part, (next, motion))) = next {
-                let drives = assign_channels_in_order_of_drives(&next.drives).iter().map(drive_to_wire).collect();
+                let drives = assign_channels_in_order_of_drives(&next.drives)
+                    .iter()
+                    .map(drive_to_wire_zeroing_too_narrow_pulses)
+                    .collect();
                 bench.send_request(&Request::SetDrives { drives }).unwrap();
                 residual.record_drives_that_begin_in_place_of_others(
                     id,

@@ -38,12 +38,12 @@ impl LoadRow {
     /// Whether every touch was driven or overtaken: one that was refused or not seen is never measured away.
     #[must_use]
     pub fn was_every_touch_driven_or_overtaken(&self) -> bool {
-        self.measured.describe_refused_touches_and_those_without_frame().is_empty()
+        self.measured.describe_counts_of_refused_touches_and_those_without_frame().is_empty()
     }
 
     /// That the machine was disturbed, where the echo was beside the touches; for people. The touches themselves have no part in that.
     #[must_use]
-    pub fn describe_machine_disturbance_if_echo_was_slow(&self) -> Option<String> {
+    pub fn describe_machine_disturbance_if_simultaneous_echo_was_slow(&self) -> Option<String> {
         let p99 = self
             .echo
             .percentile_counting_missing_as_infinite_ms(99)
@@ -197,14 +197,14 @@ mod tests {
     fn a_disturbed_machine_is_told_by_the_echo() {
         for touch_ms in [0.1, 9.0] {
             let row = |rate, echo_ms| beside_an_echo(rate, touch_ms, echo_ms);
-            assert_eq!(row(1.0, 0.49).describe_machine_disturbance_if_echo_was_slow(), None);
+            assert_eq!(row(1.0, 0.49).describe_machine_disturbance_if_simultaneous_echo_was_slow(), None);
             assert!(
                 row(1.0, 0.51)
-                    .describe_machine_disturbance_if_echo_was_slow()
+                    .describe_machine_disturbance_if_simultaneous_echo_was_slow()
                     .is_some_and(|text| text.contains("0.51 ms"))
             );
-            assert!(row(10.0, 0.51).describe_machine_disturbance_if_echo_was_slow().is_some());
-            assert_eq!(row(11.0, 3.0).describe_machine_disturbance_if_echo_was_slow(), None);
+            assert!(row(10.0, 0.51).describe_machine_disturbance_if_simultaneous_echo_was_slow().is_some());
+            assert_eq!(row(11.0, 3.0).describe_machine_disturbance_if_simultaneous_echo_was_slow(), None);
         }
     }
 
@@ -213,7 +213,7 @@ mod tests {
     fn a_disturbed_load_is_put_on_again() {
         let tried = |echoes: &[f64], refused: bool| {
             let mut left = echoes.iter();
-            let row = super::super::repeat_disturbed_measurement_and_keep_last_try(|| {
+            let row = super::super::repeat_disturbed_measurement_keeping_last_try_and_all_stops(|| {
                 let mut row = beside_an_echo(1.0, 9.0, *left.next().unwrap());
                 row.measured.refused.extend(refused.then(|| ("queue-full".into(), 1)));
                 Ok(row)

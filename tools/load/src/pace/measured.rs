@@ -79,7 +79,7 @@ impl TouchStatistics {
 
     /// What was refused and what was not seen, in words; nothing if there was none.
     #[must_use]
-    pub fn describe_refused_touches_and_those_without_frame(&self) -> Vec<String> {
+    pub fn describe_counts_of_refused_touches_and_those_without_frame(&self) -> Vec<String> {
         let mut all: Vec<String> = self.refused.iter().map(|(why, count)| format!("{count} refused: {why}")).collect();
         all.extend(
             (self.unseen > 0).then(|| format!("{} answered as driven without a frame on the line", self.unseen)),
@@ -121,7 +121,7 @@ mod tests {
             (2, Some(f64::INFINITY))
         );
         assert_eq!(measured.overtaken.longest_counting_missing_as_infinite_ms(), Some(7.0));
-        assert_eq!(measured.describe_refused_touches_and_those_without_frame().len(), 2);
+        assert_eq!(measured.describe_counts_of_refused_touches_and_those_without_frame().len(), 2);
     }
 
     /// A touch that was sent late, as all connections were busy, has waited since it was due.

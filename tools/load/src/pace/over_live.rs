@@ -57,7 +57,7 @@ fn send_finger_places_and_list_due_times(writer: &mut Live, pace: Pace) -> Resul
 fn read_messages(reader: &mut Live, until: Instant) -> Result<Vec<(Instant, Value)>, String> {
     let mut all = Vec::new();
     while Instant::now() < until {
-        if let Some(message) = reader.read_one_json_message_if_any_until(until)? {
+        if let Some(message) = reader.read_next_json_message_until_none_if_late_or_not_text(until)? {
             all.push((Instant::now(), message));
         }
     }

@@ -38,7 +38,7 @@ fn choose_random_place_px(random: &mut Rng) -> (f64, f64) {
 }
 
 /// The body of a touch of any kind; one in fifty is wrong.
-fn make_random_touch(random: &mut Rng) -> Value {
+fn make_random_touch_sometimes_out_of_range(random: &mut Rng) -> Value {
     let (x_px, y_px) = choose_random_place_px(random);
     let mut touch = json!({"x_px": x_px, "y_px": y_px, "intensity_g": random.f64()});
     match random.u32(0..50) {
@@ -94,16 +94,20 @@ pub fn run_http_client(state: &SoakState, socket: Option<&Path>, client: usize, 
             _ => {
                 tally.sent += 1;
                 let name = format!("client{client}.{}", tally.sent);
-                let (body, begun) = (make_random_touch(&mut random).to_string(), Instant::now());
+                let (body, begun) = (make_random_touch_sometimes_out_of_range(&mut random).to_string(), Instant::now());
                 match http.send_request("POST", "/v1/touch", Some(&name), &body) {
                     Ok(answer) => {
                         tally.times.add_time(begun.elapsed());
                         tally
                             .count_answer(RequestAnswer::from_status(answer.status, &answer.parse_json_body_or_null()));
                     }
-                    Err(error) => {
-                        ask_and_count_outcome_of_unanswered_touch(state, (serving, at), &name, &error, &mut tally)
-                    }
+                    Err(error) => poll_outcome_of_unanswered_touch_and_count_told_killed_or_lost(
+                        state,
+                        (serving, at),
+                        &name,
+                        &error,
+                        &mut tally,
+                    ),
                 }
             }
         }
@@ -122,13 +126,15 @@ fn count_non_touch_request_if_answered(tally: &mut Tally, answer: io::Result<Ans
 /// An answer to `POST /v1/arm`. One that did not come is no loss: arming again does no harm.
 fn count_arming_if_answered(tally: &mut Tally, answer: &io::Result<Answer>) {
     if let Ok(answer) = answer {
-        tally
-            .count_answer_to_arm_request(&RequestAnswer::from_status(answer.status, &answer.parse_json_body_or_null()));
+        tally.count_answer_to_arm_request_by_kind(&RequestAnswer::from_status(
+            answer.status,
+            &answer.parse_json_body_or_null(),
+        ));
     }
 }
 
 /// Asks what became of a touch that was not answered, in the way in which it was sent: names are their clients' own.
-fn ask_and_count_outcome_of_unanswered_touch(
+fn poll_outcome_of_unanswered_touch_and_count_told_killed_or_lost(
     state: &SoakState,
     (serving, at): (ServingDaemon, Endpoint),
     name: &str,
@@ -237,7 +243,7 @@ fn perform_random_gesture_and_await_plan_or_refusal(
             Err(error) => return refused.ok_or(error),
         };
         if message["type"] == "plan" && message["touches"][0]["x_px"] == json!(x_px) {
-            return Ok(RequestAnswer::from_plan_on_live_socket());
+            return Ok(RequestAnswer::make_shown_answer_for_plan_on_live_socket());
         }
         others += u64::from(message["type"] == "plan");
         if message["type"] == "error" {

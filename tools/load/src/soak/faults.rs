@@ -70,7 +70,7 @@ impl Faults<'_> {
     ///
     /// # Errors
     /// What keeps the run from going on.
-    pub fn inject_every_fault(&mut self) -> Result<(), Error> {
+    pub fn inject_round_of_all_fault_kinds_in_random_order(&mut self) -> Result<(), Error> {
         let serving = self.find_serving_daemon()?;
         let world = self.world;
         std::thread::scope(|threads| -> Result<(), Error> {
@@ -106,11 +106,10 @@ impl Faults<'_> {
                         kind,
                         &[Direction::ToBoard],
                     )?,
-                    FaultKind::RubbishToBoard => {
-                        self.insert_rubbish_before_each_frame_byte_and_record_detection(Direction::ToBoard, kind)
-                    }
+                    FaultKind::RubbishToBoard => self
+                        .insert_rubbish_at_each_frame_byte_recording_detection_and_recovery(Direction::ToBoard, kind),
                     FaultKind::RubbishToHost => {
-                        self.insert_rubbish_before_each_frame_byte_and_record_detection(Direction::ToHost, kind)
+                        self.insert_rubbish_at_each_frame_byte_recording_detection_and_recovery(Direction::ToHost, kind)
                     }
                     _ => self.pause_daemon_and_record_detection_and_recovery()?,
                 }
@@ -123,7 +122,7 @@ impl Faults<'_> {
             Ok(())
         })?;
         eprintln!("fault: {}", FaultKind::Killed);
-        self.kill_and_restart_daemon_recording_recovery()
+        self.kill_and_restart_daemon_recording_voltage_off_time_and_recovery()
     }
 
     fn find_serving_daemon(&self) -> Result<ServingDaemon, Error> {
@@ -198,7 +197,7 @@ impl Faults<'_> {
     }
 
     /// Takes the board away by `remove_board`; says after how long that was told.
-    pub(super) fn remove_board_and_time_later_of_loss_report_and_voltage_off(
+    pub(super) fn remove_board_record_loss_time_and_get_later_of_loss_and_off_time(
         &mut self,
         remove_board: impl FnOnce(&mut Bench) -> Result<(), Error>,
     ) -> Result<SeenAfter, Error> {
@@ -230,7 +229,7 @@ impl Faults<'_> {
     fn unplug_board_and_record_detection_and_recovery(&mut self) -> Result<(), Error> {
         let driven = self.post_touches_until_high_voltage_is_on();
         let before = find_metric(&self.fetch_metrics_text_or_empty(), "era_device_outages_total");
-        let seen = self.remove_board_and_time_later_of_loss_report_and_voltage_off(Bench::unplug)?;
+        let seen = self.remove_board_record_loss_time_and_get_later_of_loss_and_off_time(Bench::unplug)?;
         let off = driven.and(seen);
         let noticed = self.await_condition_on_metrics_text("the outage was not counted", |text| {
             find_metric(text, "era_device_outages_total") > before
@@ -238,7 +237,7 @@ impl Faults<'_> {
         });
         std::thread::sleep(Duration::from_millis(self.random.u64(0..2000)));
         self.bench.plug_in()?;
-        self.ledger.record_fault(
+        self.ledger.record_fault_and_print_misses(
             FaultKind::Unplugged,
             later_if_both_seen(off, noticed),
             self.retry_touch_and_measure_time_until_driven(),
@@ -262,13 +261,14 @@ impl Faults<'_> {
     ) -> Result<(), Error> {
         let driven = self.post_touches_until_high_voltage_is_on();
         let before = Self::sum_doubt_outage_and_fault_counts_in_metrics(&self.fetch_metrics_text_or_empty());
-        let seen = self.remove_board_and_time_later_of_loss_report_and_voltage_off(|bench| {
+        let seen = self.remove_board_record_loss_time_and_get_later_of_loss_and_off_time(|bench| {
             bench.set_blocked_directions(directions);
             Ok(())
         })?;
         let lasts = Duration::from_millis(self.random.u64(0..CUT_MS));
-        let stays_off =
-            watch_for_high_voltage_and_fail_if_on(lasts, || self.sim_control().observations_since_start().energised);
+        let stays_off = check_high_voltage_stays_off_returning_zero_time(lasts, || {
+            self.sim_control().observations_since_start().energised
+        });
         // One that did not go off is named for that.
         let stays_off = if seen.is_ok() { stays_off } else { Ok(Duration::ZERO) };
         let off = driven.and(later_if_both_seen(seen, stays_off));
@@ -276,7 +276,7 @@ impl Faults<'_> {
         let noticed = self.await_condition_on_metrics_text("neither doubt, outage nor fault was counted", |text| {
             Self::sum_doubt_outage_and_fault_counts_in_metrics(text) > before
         });
-        self.ledger.record_fault(
+        self.ledger.record_fault_and_print_misses(
             kind,
             later_if_both_seen(off, noticed),
             self.retry_touch_and_measure_time_until_driven(),
@@ -284,22 +284,29 @@ impl Faults<'_> {
         Ok(())
     }
 
-    fn insert_rubbish_before_each_frame_byte_and_record_detection(&mut self, direction: Direction, kind: FaultKind) {
+    fn insert_rubbish_at_each_frame_byte_recording_detection_and_recovery(
+        &mut self,
+        direction: Direction,
+        kind: FaultKind,
+    ) {
         for at in 0..BYTES {
-            let Some(mut noticed) = self.insert_rubbish_if_frame_fits_and_await_detection(direction, at) else {
+            let Some(mut noticed) = self.insert_rubbish_into_first_long_enough_frame_and_await_detection(direction, at)
+            else {
                 continue;
             };
             if noticed.is_err() {
                 // On a busy machine it may have been a frame that was sent again while its answer was on the way: nobody misses that.
-                noticed = self.insert_rubbish_if_frame_fits_and_await_detection(direction, at).unwrap_or(noticed);
+                noticed = self
+                    .insert_rubbish_into_first_long_enough_frame_and_await_detection(direction, at)
+                    .unwrap_or(noticed);
             }
             let again = self.retry_touch_and_measure_time_until_driven();
-            self.ledger.record_fault(kind, noticed, again);
+            self.ledger.record_fault_and_print_misses(kind, noticed, again);
         }
     }
 
     /// Puts rubbish into a frame, before the byte `before_byte_index`; `None` if no frame was long enough.
-    fn insert_rubbish_if_frame_fits_and_await_detection(
+    fn insert_rubbish_into_first_long_enough_frame_and_await_detection(
         &mut self,
         direction: Direction,
         before_byte_index: usize,
@@ -335,7 +342,7 @@ impl Faults<'_> {
         let noticed = self.await_condition_on_metrics_text("neither outage nor fault was counted", |text| {
             Self::sum_doubt_outage_and_fault_counts_in_metrics(text) > before
         });
-        self.ledger.record_fault(
+        self.ledger.record_fault_and_print_misses(
             FaultKind::Held,
             later_if_both_seen(off, noticed),
             self.retry_touch_and_measure_time_until_driven(),
@@ -356,20 +363,24 @@ impl Faults<'_> {
             SlowClientEnd::Unknown => return,
         };
         let again = self.retry_touch_and_measure_time_until_driven();
-        self.ledger.record_fault(kind, detected, again);
+        self.ledger.record_fault_and_print_misses(kind, detected, again);
     }
 
-    fn kill_and_restart_daemon_recording_recovery(&mut self) -> Result<(), Error> {
+    fn kill_and_restart_daemon_recording_voltage_off_time_and_recovery(&mut self) -> Result<(), Error> {
         let driven = self.post_touches_until_high_voltage_is_on();
         self.outages += self.fetch_metric_count_or_zero("era_device_outages_total");
         self.faults += self.fetch_metric_count_or_zero("era_device_faults_total");
-        self.before_kill = Some(self.daemon.read_memory_threads_and_handles());
+        self.before_kill = Some(self.daemon.read_memory_threads_and_handles_or_zeros());
         self.world.clear_daemon();
         self.daemon.kill();
         let off = driven.and_then(|()| self.await_high_voltage_off());
         self.daemon = Daemon::start(&self.plan)?;
         self.world.set_serving_daemon_incrementing_generation(self.daemon.address);
-        self.ledger.record_fault(FaultKind::Killed, off, self.retry_touch_and_measure_time_until_driven());
+        self.ledger.record_fault_and_print_misses(
+            FaultKind::Killed,
+            off,
+            self.retry_touch_and_measure_time_until_driven(),
+        );
         Ok(())
     }
 
@@ -391,7 +402,10 @@ fn later_if_both_seen(one: SeenAfter, other: SeenAfter) -> SeenAfter {
 }
 
 /// Looks for as long as that whether high voltage is on again: a board that hears, and that nobody hears, must not be armed.
-pub(super) fn watch_for_high_voltage_and_fail_if_on(duration: Duration, is_on: impl FnMut() -> bool) -> SeenAfter {
+pub(super) fn check_high_voltage_stays_off_returning_zero_time(
+    duration: Duration,
+    is_on: impl FnMut() -> bool,
+) -> SeenAfter {
     match wait_until(duration, is_on) {
         Some(after) => Err(format!("the board's high voltage was on again {} ms later", after.as_millis())),
         None => Ok(Duration::ZERO),

@@ -4,11 +4,11 @@
 //! shows that. Each test plants one mistake and goes the whole way from the board or the daemon to the words of the verdict; all
 //! tests of this crate take 8 s. Thresholds alone are tested beside them (`growth.rs`, `report.rs`).
 
-use super::faults::{Faults, wait_until, watch_for_high_voltage_and_fail_if_on};
+use super::faults::{Faults, check_high_voltage_stays_off_returning_zero_time, wait_until};
 use super::ledger::{FaultKind, FaultLedger};
 use super::tally::Tally;
 use super::world::SoakState;
-use super::{Options, clients, make_report, wait_until_end_injecting_faults_if_enabled};
+use super::{Options, clients, make_report, run_until_end_with_faults_if_enabled_failing_if_daemon_ends};
 use crate::board::{Bench, Direction, build_plan_table_of_starting_plate};
 use crate::daemon::{Daemon, DaemonSetup, MemoryThreadsAndHandles};
 use era::daemon::{Access, App, BackgroundDaemon};
@@ -90,7 +90,7 @@ fn run_and_find_failures(
 ) -> Option<String> {
     let plan = make_daemon_setup(folder, write_fake_daemon(folder, address, "exec sleep 600"));
     let daemon = Daemon::start(&plan).unwrap();
-    let (world, at_start) = (SoakState::default(), daemon.read_memory_threads_and_handles());
+    let (world, at_start) = (SoakState::default(), daemon.read_memory_threads_and_handles_or_zeros());
     world.set_serving_daemon_incrementing_generation(daemon.address);
     let (ledger, random) = (FaultLedger::default(), Rng::with_seed(1));
     let mut faults =
@@ -185,9 +185,9 @@ fn high_voltage_that_comes_again_is_named() {
         looks += 1;
         looks == 3
     };
-    let found = watch_for_high_voltage_and_fail_if_on(WAIT, third).unwrap_err();
+    let found = check_high_voltage_stays_off_returning_zero_time(WAIT, third).unwrap_err();
     assert!(found.contains("the board's high voltage was on again"), "{found}");
-    assert!(watch_for_high_voltage_and_fail_if_on(Duration::ZERO, || false).is_ok());
+    assert!(check_high_voltage_stays_off_returning_zero_time(Duration::ZERO, || false).is_ok());
 }
 
 /// Says at `/metrics` that the board is there until some time after `lost` is set.
@@ -218,7 +218,7 @@ fn a_loss_that_is_told_late_is_named() {
     let address = serve_metrics_with_late_loss(Arc::clone(&lost), Duration::from_millis(150));
     let found = verdict_on_address(address, |faults| {
         let told = faults
-            .remove_board_and_time_later_of_loss_report_and_voltage_off(|_| {
+            .remove_board_record_loss_time_and_get_later_of_loss_and_off_time(|_| {
                 let _ = lost.set(Instant::now());
                 Ok(())
             })
@@ -292,7 +292,7 @@ fn verdict_after_opening_files(descriptors: &[u32]) -> Option<String> {
     // What it was started with would be opened again, and not be more. `touch` is a process of its own: a redirection of
     // the shell would hold two more descriptors at the moment its file appears.
     wait_until(WAIT, || closed.exists()).expect("it has closed what it was started with");
-    let warm = daemon.read_memory_threads_and_handles();
+    let warm = daemon.read_memory_threads_and_handles_or_zeros();
     let (world, bench) = (SoakState::default(), Bench::new(path("board")).unwrap());
     let (ledger, random) = (FaultLedger::default(), Rng::with_seed(1));
     let faults =
@@ -373,8 +373,9 @@ fn a_daemon_that_ends_by_itself_is_named() {
         Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, faults: 0, before_kill: None };
     wait_until(WAIT, || faults.daemon.has_ended() && faults.daemon.recent_log().contains("out of"))
         .expect("its last words");
-    let error =
-        wait_until_end_injecting_faults_if_enabled(&OPTIONS, Instant::now(), &mut faults).unwrap_err().to_string();
+    let error = run_until_end_with_faults_if_enabled_failing_if_daemon_ends(&OPTIONS, Instant::now(), &mut faults)
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("the daemon has ended by itself") && error.contains("out of everything"), "{error}");
     let found = make_report(
         &OPTIONS,

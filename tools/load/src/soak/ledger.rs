@@ -81,7 +81,7 @@ pub struct FaultLedger {
 
 impl FaultLedger {
     /// Records a fault: after how long it was detected and recovered from, or what was seen instead.
-    pub fn record_fault(
+    pub fn record_fault_and_print_misses(
         &mut self,
         kind: FaultKind,
         detected: Result<Duration, String>,
@@ -133,8 +133,8 @@ mod tests {
     #[test]
     fn what_is_not_seen_is_a_miss() {
         let mut ledger = FaultLedger::default();
-        ledger.record_fault(FaultKind::Held, Ok(Duration::from_millis(3)), Ok(Duration::ZERO));
-        ledger.record_fault(FaultKind::Held, Ok(Duration::from_millis(2)), Err("no answer".into()));
+        ledger.record_fault_and_print_misses(FaultKind::Held, Ok(Duration::from_millis(3)), Ok(Duration::ZERO));
+        ledger.record_fault_and_print_misses(FaultKind::Held, Ok(Duration::from_millis(2)), Err("no answer".into()));
         let total = ledger.sum_counts_with_longest_times_over_kinds();
         assert_eq!((total.injected, total.detected, total.recovered), (2, 2, 1));
         assert_eq!((total.detection, ledger.misses.len()), (Duration::from_millis(3), 1));

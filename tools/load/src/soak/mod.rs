@@ -99,8 +99,8 @@ pub fn run_soak(options: &Options) -> Result<(), Error> {
         threads.push(std::thread::spawn(move || clients::run_live_client(&world, client, random)));
     }
     std::thread::sleep(WARM);
-    let at_start = faults.daemon.read_memory_threads_and_handles();
-    let result = wait_until_end_injecting_faults_if_enabled(options, begun, &mut faults);
+    let at_start = faults.daemon.read_memory_threads_and_handles_or_zeros();
+    let result = run_until_end_with_faults_if_enabled_failing_if_daemon_ends(options, begun, &mut faults);
     world.tell_clients_to_end();
     let mut tally = Tally::default();
     for thread in threads {
@@ -140,14 +140,14 @@ fn make_report(
         latched,
         at_start,
         before_kill,
-        at_end: daemon.read_memory_threads_and_handles(),
+        at_end: daemon.read_memory_threads_and_handles_or_zeros(),
         watch: bench.sim_control().observations_since_start(),
         ended: daemon.has_ended().then(|| daemon.recent_log()),
     }
 }
 
 /// Lets clients and faults go on until the time is over.
-fn wait_until_end_injecting_faults_if_enabled(
+fn run_until_end_with_faults_if_enabled_failing_if_daemon_ends(
     options: &Options,
     begun: Instant,
     faults: &mut Faults<'_>,
@@ -162,7 +162,7 @@ fn wait_until_end_injecting_faults_if_enabled(
             )));
         }
         if options.faults {
-            faults.inject_every_fault()?;
+            faults.inject_round_of_all_fault_kinds_in_random_order()?;
             let total = faults.ledger.sum_counts_with_longest_times_over_kinds();
             eprintln!(
                 "{:.0} s: {} faults, {} recovered",
@@ -175,7 +175,7 @@ fn wait_until_end_injecting_faults_if_enabled(
         std::thread::sleep(Duration::from_millis(200).min(lasts.saturating_sub(begun.elapsed())));
         if told.elapsed() >= TELL {
             told = Instant::now();
-            let takes = faults.daemon.read_memory_threads_and_handles();
+            let takes = faults.daemon.read_memory_threads_and_handles_or_zeros();
             eprintln!("{:.0} s: {} kB, {} handles", begun.elapsed().as_secs_f64(), takes.memory_kb, takes.handles);
         }
     }

@@ -60,7 +60,7 @@ pub fn run_slow_client(state: &SoakState, serving: ServingDaemon, slow: SlowClie
     let begun = Instant::now();
     let ended = match slow {
         SlowClient::Unread => is_live_socket_closed_by_daemon_after_leaving_it_unread(serving.address),
-        _ => is_connection_ended_by_daemon_after_sending_half_request(serving.address, slow),
+        _ => does_daemon_end_half_request_or_answer_half_body_within_limit(serving.address, slow),
     };
     match ended {
         _ if !state.is_current_daemon(serving) => SlowClientEnd::Unknown,
@@ -69,7 +69,7 @@ pub fn run_slow_client(state: &SoakState, serving: ServingDaemon, slow: SlowClie
     }
 }
 
-fn is_connection_ended_by_daemon_after_sending_half_request(address: SocketAddr, slow: SlowClient) -> bool {
+fn does_daemon_end_half_request_or_answer_half_body_within_limit(address: SocketAddr, slow: SlowClient) -> bool {
     let connected = || -> std::io::Result<TcpStream> {
         let mut stream = connect_tcp(address)?;
         stream.set_read_timeout(Some(LONGEST))?;

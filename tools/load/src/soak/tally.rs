@@ -27,7 +27,7 @@ impl RequestAnswer {
 
     /// By a plan on a live socket.
     #[must_use]
-    pub fn from_plan_on_live_socket() -> Self {
+    pub fn make_shown_answer_for_plan_on_live_socket() -> Self {
         Self { kind: "shown".into(), detail: None }
     }
 
@@ -85,7 +85,7 @@ impl Tally {
     }
 
     /// A request to arm was answered.
-    pub fn count_answer_to_arm_request(&mut self, answer: &RequestAnswer) {
+    pub fn count_answer_to_arm_request_by_kind(&mut self, answer: &RequestAnswer) {
         *self.arming.entry(answer.kind.clone()).or_default() += 1;
     }
 

@@ -39,15 +39,17 @@ pub fn try_package_in_chroot(root: &Path, package: &Path) -> Result<(), Error> {
     debootstrap.args(["--variant=minbase", &release]).arg(&system).arg(mirror).stdout(Stdio::null());
     run_command(&mut debootstrap)?;
     super::copy_file(package, &system.join("tmp/era.deb"))?;
-    run_command(chroot_command(&system, "dpkg --install /tmp/era.deb").stdout(Stdio::null()))?;
+    run_command(
+        chroot_command_with_dev_and_proc_mounted(&system, "dpkg --install /tmp/era.deb").stdout(Stdio::null()),
+    )?;
     for file in FILES {
         if !system.join(file.trim_start_matches('/')).is_file() {
             return Err(Error::Package(format!("{file} is not installed")));
         }
     }
-    println!("installed: {}", capture_output(&mut chroot_command(&system, "era --version"))?);
+    println!("installed: {}", capture_output(&mut chroot_command_with_dev_and_proc_mounted(&system, "era --version"))?);
     start_daemon_in_chroot_and_check_it_serves_page(&system)?;
-    run_command(chroot_command(&system, "dpkg --purge era-haptics").stdout(Stdio::null()))?;
+    run_command(chroot_command_with_dev_and_proc_mounted(&system, "dpkg --purge era-haptics").stdout(Stdio::null()))?;
     match FILES.iter().find(|file| system.join(file.trim_start_matches('/')).exists()) {
         Some(file) => Err(Error::Package(format!("{file} is left after the package was removed"))),
         None => run_command(Command::new("rm").args(["--recursive", "--force", "--one-file-system"]).arg(&system)),
@@ -69,7 +71,7 @@ fn find_mirror_and_release() -> Result<(String, String), Error> {
 }
 
 /// A command line in the system, with devices and processes, which are mounted for it alone.
-fn chroot_command(system: &Path, command_line: &str) -> Command {
+fn chroot_command_with_dev_and_proc_mounted(system: &Path, command_line: &str) -> Command {
     let script =
         format!("mount --rbind /dev \"$0/dev\" && mount -t proc proc \"$0/proc\" && exec chroot \"$0\" {command_line}");
     let mut command = Command::new("unshare");
@@ -82,7 +84,10 @@ fn chroot_command(system: &Path, command_line: &str) -> Command {
 fn start_daemon_in_chroot_and_check_it_serves_page(system: &Path) -> Result<(), Error> {
     let free = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
     let address = free.map_err(|error| Error::Package(format!("no free port: {error}")))?;
-    let mut serve = chroot_command(system, &format!("era serve --listen {address} --socket none --device sim"));
+    let mut serve = chroot_command_with_dev_and_proc_mounted(
+        system,
+        &format!("era serve --listen {address} --socket none --device sim"),
+    );
     let started = serve.stdout(Stdio::null()).spawn();
     let mut daemon = Daemon(started.map_err(|source| Error::Start { command: format_command(&serve), source })?);
     let until = Instant::now() + PATIENCE;

@@ -24,7 +24,7 @@ pub struct Options {
 ///
 /// # Errors
 /// What could not be built, written or installed; [`Error::Package`] where the installed program does not do what it should.
-pub fn make_release(options: &Options) -> Result<(), Error> {
+pub fn build_release_and_try_package_in_chroot_unless_disabled(options: &Options) -> Result<(), Error> {
     setup::install_missing_needs(
         "cargo xtask dist",
         if options.no_chroot { setup::DIST } else { setup::DIST_IN_CHROOT },
@@ -33,7 +33,7 @@ pub fn make_release(options: &Options) -> Result<(), Error> {
     let out = root.join("target/dist");
     clear_folder(&out)?;
     build_release_programs_by_package_and_binary_name(&root, &[("era-host", "era")])?;
-    let manual = build_manual(&root, &out)?;
+    let manual = build_manual_folder_and_archive(&root, &out)?;
     let package = package::build_package(&root, &out, &manual)?;
     copy_into_folder(&python::build_wheel(&root)?, &out)?;
     let (firmware, _) = image::build_image_and_return_target_source(false)?;
@@ -54,7 +54,7 @@ pub fn make_release(options: &Options) -> Result<(), Error> {
 }
 
 /// The manual as pages for a browser, in a folder of `out`.
-fn build_manual(root: &Path, out: &Path) -> Result<PathBuf, Error> {
+fn build_manual_folder_and_archive(root: &Path, out: &Path) -> Result<PathBuf, Error> {
     dependencies::install_crate_if_probe_command_fails(root, "mdbook", &["mdbook", "--version"])?;
     let manual = out.join("manual");
     run_command(Command::new("mdbook").current_dir(root).args(["build", "docs", "--dest-dir"]).arg(&manual))?;
@@ -70,14 +70,16 @@ fn build_manual(root: &Path, out: &Path) -> Result<PathBuf, Error> {
 
 /// SHA-256 of each file of `out`, as `sha256sum --check` reads them.
 fn write_checksums(out: &Path) -> Result<(), Error> {
-    let mut names: Vec<PathBuf> =
-        list_files_unsorted(out)?.iter().filter_map(|path| path.file_name().map(PathBuf::from)).collect();
+    let mut names: Vec<PathBuf> = list_files_directly_in_folder_unsorted(out)?
+        .iter()
+        .filter_map(|path| path.file_name().map(PathBuf::from))
+        .collect();
     names.sort();
     let sums = capture_output(Command::new("sha256sum").current_dir(out).args(&names))?;
     write_file(&out.join("SHA256SUMS"), &format!("{sums}\n"))
 }
 
-fn list_files_unsorted(folder: &Path) -> Result<Vec<PathBuf>, Error> {
+fn list_files_directly_in_folder_unsorted(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     let entries = fs::read_dir(folder).map_err(file_error("cannot read", folder))?;
     Ok(entries.filter_map(Result::ok).map(|entry| entry.path()).filter(|path| path.is_file()).collect())
 }

@@ -25,7 +25,7 @@ pub fn build_package(root: &Path, out: &Path, manual: &Path) -> Result<PathBuf, 
         .args(["deb", "--quiet", "--no-build", "--locked", "--strip", "-p", "era-host", "--output"])
         .arg(out);
     run_command(&mut deb)?;
-    let packages = super::list_files_unsorted(out)?;
+    let packages = super::list_files_directly_in_folder_unsorted(out)?;
     let is_package = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "deb");
     packages.into_iter().find(is_package).ok_or_else(|| Error::Package("cargo deb made no package".into()))
 }

@@ -93,7 +93,7 @@ impl Bridge {
     ///
     /// # Errors
     /// [`Error::Bridge`].
-    pub fn read_times(&mut self) -> Result<TimesSincePowerUp, Error> {
+    pub fn read_emulated_and_wall_times(&mut self) -> Result<TimesSincePowerUp, Error> {
         self.send_command_and_parse(&json!({"op": "time"}))
     }
 

@@ -41,7 +41,8 @@ impl Link {
             &encode_request_frame(version, self.sequence, request)?,
             ANSWER_LIMIT_S,
         )?;
-        decode_reply(&answer, self.sequence).ok_or_else(|| Error::NoReply(format!("no reply to {request:?}")))
+        find_reply_with_sequence_among_frames(&answer, self.sequence)
+            .ok_or_else(|| Error::NoReply(format!("no reply to {request:?}")))
     }
 }
 
@@ -56,7 +57,7 @@ pub fn encode_request_frame(version: u8, sequence: u16, request: &Request) -> Re
 }
 
 /// The reply with this number among the frames in `bytes`.
-pub fn decode_reply(bytes: &[u8], sequence: u16) -> Option<Reply> {
+pub fn find_reply_with_sequence_among_frames(bytes: &[u8], sequence: u16) -> Option<Reply> {
     let mut reply = None;
     Decoder::new().feed_bytes(bytes, |frame| {
         if let Ok(frame) = frame

@@ -37,7 +37,7 @@ pub struct Options {
 ///
 /// # Errors
 /// What went wrong on the way; [`Error::Report`] if the report found a difference.
-pub fn run_emulator(options: &Options) -> Result<(), Error> {
+pub fn build_image_and_run_emulator_or_board_report(options: &Options) -> Result<(), Error> {
     let image = match &options.image {
         Some(image) => image.clone(),
         None => image::build_image_and_return_target_source(false)?.0,
@@ -46,7 +46,7 @@ pub fn run_emulator(options: &Options) -> Result<(), Error> {
     eprintln!("emulate: image of {} bytes, {}", usage.flash, image.display());
     if options.report {
         let end = if options.first_wrong { ReportEnd::FirstWrongRow } else { ReportEnd::LastRow };
-        return report::run_board_checks_printing_report(&image, end);
+        return report::run_board_checks_printing_report_exiting_at_first_wrong_if_asked(&image, end);
     }
     let mut bridge = Bridge::start(&image, Pace::Wall)?;
     println!("{}", bridge.terminal_path().display());
@@ -63,7 +63,7 @@ pub fn run_emulator(options: &Options) -> Result<(), Error> {
 /// The tests of the emulated board itself, then the report.
 ///
 /// # Errors
-/// As [`run_emulator`].
+/// As [`build_image_and_run_emulator_or_board_report`].
 pub fn run_emulator_self_test_and_board_report() -> Result<(), Error> {
     let image = image::build_image_and_return_target_source(false)?.0;
     run_command(
@@ -72,7 +72,7 @@ pub fn run_emulator_self_test_and_board_report() -> Result<(), Error> {
             .args(["--self-test", "--elf"])
             .arg(&image),
     )?;
-    report::run_board_checks_printing_report(&image, ReportEnd::LastRow)
+    report::run_board_checks_printing_report_exiting_at_first_wrong_if_asked(&image, ReportEnd::LastRow)
 }
 
 fn send_hello_and_print_answer(terminal: &mut Terminal) -> Result<(), Error> {
@@ -99,13 +99,13 @@ fn measure_and_print_hello_round_trips(
     repeats: usize,
 ) -> Result<(), Error> {
     let mut milliseconds = Vec::with_capacity(repeats);
-    let before = bridge.read_times()?;
+    let before = bridge.read_emulated_and_wall_times()?;
     for _ in 0..repeats {
         let started = Instant::now();
         terminal.send_hello()?;
         milliseconds.push(started.elapsed().as_secs_f64() * 1e3);
     }
-    let after = bridge.read_times()?;
+    let after = bridge.read_emulated_and_wall_times()?;
     milliseconds.sort_by(f64::total_cmp);
     let at = |fraction: f64| {
         let index = (fraction * (milliseconds.len().max(1) - 1) as f64).round() as usize;

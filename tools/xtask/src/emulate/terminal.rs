@@ -1,6 +1,6 @@
 //! The serial link to the board as a host has it: through the pseudo-terminal, in time with the clock on the wall.
 
-use super::link::{decode_reply, encode_request_frame};
+use super::link::{encode_request_frame, find_reply_with_sequence_among_frames};
 use crate::error::Error;
 use era_shared::link::MAX_ENCODED;
 use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Reply, Request, WelcomeReply};
@@ -57,7 +57,7 @@ impl Terminal {
         loop {
             let left = end.saturating_duration_since(Instant::now());
             answer.extend(self.bytes.recv_timeout(left).map_err(|_| Error::Silent(ANSWER_LIMIT))?);
-            if let Some(Reply::Welcome(welcome)) = decode_reply(&answer, self.sequence) {
+            if let Some(Reply::Welcome(welcome)) = find_reply_with_sequence_among_frames(&answer, self.sequence) {
                 return Ok(welcome);
             }
         }

@@ -8,7 +8,8 @@ pub type Graph<N> = BTreeMap<N, BTreeSet<N>>;
 /// The circles, each with the edges inside it.
 pub fn find_strongly_connected_components_of_several_nodes<N: Clone + Ord>(graph: &Graph<N>) -> Vec<Graph<N>> {
     // With some hundred nodes, which one leads to which is found by plain search.
-    let reached: BTreeMap<&N, BTreeSet<&N>> = graph.keys().map(|start| (start, find_reachable(graph, start))).collect();
+    let reached: BTreeMap<&N, BTreeSet<&N>> =
+        graph.keys().map(|start| (start, find_reachable_by_one_or_more_edges(graph, start))).collect();
     let leads_to = |from: &N, to: &N| reached.get(from).is_some_and(|nodes| nodes.contains(to));
     let circle_of = |node: &N| -> BTreeSet<&N> {
         graph.keys().filter(|other| *other == node || leads_to(node, other) && leads_to(other, node)).collect()
@@ -22,7 +23,7 @@ pub fn find_strongly_connected_components_of_several_nodes<N: Clone + Ord>(graph
 }
 
 /// The nodes to which at least one edge leads from `start`, directly or through others.
-fn find_reachable<'a, N: Ord>(graph: &'a Graph<N>, start: &'a N) -> BTreeSet<&'a N> {
+fn find_reachable_by_one_or_more_edges<'a, N: Ord>(graph: &'a Graph<N>, start: &'a N) -> BTreeSet<&'a N> {
     let (mut reached, mut open) = (BTreeSet::new(), vec![start]);
     while let Some(node) = open.pop() {
         open.extend(graph.get(node).into_iter().flatten().filter(|next| reached.insert(*next)));

@@ -72,8 +72,8 @@ impl FolderOrder {
         let edges = imports.iter().flat_map(|(from, to)| to.iter().map(move |to| (from, to)));
         let breach = |(from, to): (&String, &String)| {
             let (from_entry, to_entry) = (
-                self.find_entry_of_folder_with_file_unless_mod_rs(from)?,
-                self.find_entry_of_folder_with_file_unless_mod_rs(to)?,
+                self.first_path_part_below_folder_unless_mod_or_lib_rs(from)?,
+                self.first_path_part_below_folder_unless_mod_or_lib_rs(to)?,
             );
             let place = |entry: &str| self.entries.iter().position(|known| *known == entry);
             let is_allowed = place(from_entry).zip(place(to_entry)).is_some_and(|(from, to)| to <= from);
@@ -83,7 +83,7 @@ impl FolderOrder {
     }
 
     /// The folder or file directly below, in which a file is; `None` for files elsewhere and for the folder's `mod.rs`.
-    fn find_entry_of_folder_with_file_unless_mod_rs<'f>(&self, file: &'f str) -> Option<&'f str> {
+    fn first_path_part_below_folder_unless_mod_or_lib_rs<'f>(&self, file: &'f str) -> Option<&'f str> {
         let entry = file.strip_prefix(self.folder)?.split('/').next()?;
         (entry != "mod.rs" && entry != "lib.rs").then_some(entry)
     }

@@ -54,7 +54,7 @@ impl ModuleCode {
         code
     }
 
-    fn add_child_module(&mut self, module: &ItemMod) {
+    fn add_child_module_unless_inline_test(&mut self, module: &ItemMod) {
         let is_test = is_compiled_for_tests_only(&module.attrs);
         let body = match &module.content {
             Some(_) if is_test => return,
@@ -100,7 +100,7 @@ impl<'ast> Visit<'ast> for ModuleCode {
     fn visit_item(&mut self, item: &'ast Item) {
         let (attributes, name) = find_attributes_and_name(item);
         if let Item::Mod(module) = item {
-            return self.add_child_module(module);
+            return self.add_child_module_unless_inline_test(module);
         }
         if is_compiled_for_tests_only(attributes) {
             return;

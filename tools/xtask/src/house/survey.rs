@@ -38,14 +38,24 @@ impl Survey {
         let trees: Vec<ModuleTree<'_>> = roots.iter().map(|root| ModuleTree::new(&sources, root)).collect();
         let reached: BTreeSet<&Path> = trees.iter().flat_map(|tree| tree.modules.iter().map(|m| m.file)).collect();
         let in_tests: BTreeSet<&Path> = trees.iter().flat_map(|tree| tree.test_files.iter().copied()).collect();
-        let is_test = |file: &Path| is_named_as_test(file) || in_tests.contains(file) && !reached.contains(file);
+        let is_test = |file: &Path| {
+            is_in_tests_folder_or_named_as_test(file) || in_tests.contains(file) && !reached.contains(file)
+        };
         let is_lost = |file: &Path| file.starts_with(SOURCES) && !reached.contains(file) && !in_tests.contains(file);
-        let lost = sources.keys().filter(|file| is_lost(file)).map(|file| format_source_path(file)).collect();
-        let lengths = texts.iter().map(|(file, text)| (format_source_path(file), text.lines().count()));
+        let lost = sources
+            .keys()
+            .filter(|file| is_lost(file))
+            .map(|file| format_path_relative_to_src_if_inside(file))
+            .collect();
+        let lengths =
+            texts.iter().map(|(file, text)| (format_path_relative_to_src_if_inside(file), text.lines().count()));
         let long = lengths.filter(|(_, lines)| *lines > LONG).collect();
         let mut graph = Graph::new();
         for (from, to) in find_file_imports_outside_own_ancestry(&trees, is_test) {
-            graph.entry(format_source_path(from)).or_insert_with(BTreeSet::new).insert(format_source_path(to));
+            graph
+                .entry(format_path_relative_to_src_if_inside(from))
+                .or_insert_with(BTreeSet::new)
+                .insert(format_path_relative_to_src_if_inside(to));
         }
         Ok(Self { circles: find_strongly_connected_components_of_several_nodes(&graph), imports: graph, long, lost })
     }
@@ -59,7 +69,11 @@ fn find_file_imports_outside_own_ancestry<'a>(
     let mut imports = BTreeSet::new();
     for tree in trees {
         for (from, module) in tree.modules.iter().enumerate().filter(|(_, module)| !is_importer_left_out(module.file)) {
-            for to in module.code.named.iter().flat_map(|path| tree.find_declaring_and_reexporting_modules(from, path))
+            for to in module
+                .code
+                .named
+                .iter()
+                .flat_map(|path| tree.find_top_modules_of_files_declaring_or_reexporting_path(from, path))
             {
                 if !tree.are_modules_same_or_one_ancestor_of_other(tree.find_top_module_of_file(from), to) {
                     imports.insert((module.file, tree.modules[to].file));
@@ -71,12 +85,12 @@ fn find_file_imports_outside_own_ancestry<'a>(
 }
 
 /// Whether a file is one of tests by its name or its folder.
-fn is_named_as_test(file: &Path) -> bool {
+fn is_in_tests_folder_or_named_as_test(file: &Path) -> bool {
     let name = file.file_stem().and_then(OsStr::to_str).unwrap_or_default();
     file.starts_with("tests") || name == "tests" || name.ends_with("_tests")
 }
 
 /// A file's path for people: in `src` where it is there.
-fn format_source_path(file: &Path) -> String {
+fn format_path_relative_to_src_if_inside(file: &Path) -> String {
     file.strip_prefix(SOURCES).unwrap_or(file).display().to_string()
 }

@@ -116,7 +116,11 @@ impl<'a> ModuleTree<'a> {
 
     /// The modules whose files the code of `from` imports by a path: the one in which the thing is declared, and those that hand
     /// it on without having it below them.
-    pub fn find_declaring_and_reexporting_modules(&self, from: usize, path: &[String]) -> BTreeSet<usize> {
+    pub fn find_top_modules_of_files_declaring_or_reexporting_path(
+        &self,
+        from: usize,
+        path: &[String],
+    ) -> BTreeSet<usize> {
         let mut search = PathSearch { tree: self, asked: BTreeSet::new(), handed_on_by: BTreeSet::new() };
         let found = search.resolve_path(from, path);
         let mut all = search.handed_on_by;

@@ -71,7 +71,7 @@ pub fn run_mutation_tests(options: &Options) -> Result<(), Error> {
     let root = repository_root()?;
     let tree = root.join("target/mutate/tree");
     copy_tracked_files(&root, &tree)?;
-    let chosen = select_matching_or_commit_sampled_mutations(&root, options)?;
+    let chosen = select_matching_mutations_or_commit_sample_of_shared_ones(&root, options)?;
     let mut bench = Workbench { root, tree, are_tests_sound: false, is_report_sound: false };
     let mut unclear = Vec::new();
     for mutation in chosen {
@@ -105,7 +105,7 @@ fn describe_outcome_unless_as_listed(mutation: &Mutation, outcome: &Result<Mutat
     }
 }
 
-fn select_matching_or_commit_sampled_mutations(
+fn select_matching_mutations_or_commit_sample_of_shared_ones(
     root: &Path,
     options: &Options,
 ) -> Result<Vec<&'static Mutation>, Error> {
@@ -157,17 +157,17 @@ fn find_what_detects_mutation(bench: &mut Workbench, mutation: &Mutation) -> Res
         }
         let verdict =
             with_mistake(&bench.tree, mutation, || run_tests_of_shared_crate_with_time_limit(bench, TEST_LIMIT_S))?;
-        let outcome = convert_verdict_to_outcome_failing_if_not_compiled(verdict)?;
+        let outcome = convert_verdict_to_outcome_failing_if_not_compiled_or_nameless(verdict)?;
         if !matches!(outcome, MutationOutcome::Survived) {
             return Ok(outcome);
         }
     }
     if !bench.is_report_sound {
-        expect_sound("the report of the emulated board", build_image_and_run_report(bench)?)?;
+        expect_sound("the report of the emulated board", build_image_and_run_report_and_emulator_self_test(bench)?)?;
         bench.is_report_sound = true;
     }
-    convert_verdict_to_outcome_failing_if_not_compiled(with_mistake(&bench.tree, mutation, || {
-        build_image_and_run_report(bench)
+    convert_verdict_to_outcome_failing_if_not_compiled_or_nameless(with_mistake(&bench.tree, mutation, || {
+        build_image_and_run_report_and_emulator_self_test(bench)
     })?)
 }
 
@@ -181,7 +181,9 @@ fn expect_sound(what: &'static str, verdict: TreeVerdict) -> Result<(), Error> {
 }
 
 /// What a verdict on the tree with a mistake means: only what has a name has detected it.
-fn convert_verdict_to_outcome_failing_if_not_compiled(verdict: TreeVerdict) -> Result<MutationOutcome, Error> {
+fn convert_verdict_to_outcome_failing_if_not_compiled_or_nameless(
+    verdict: TreeVerdict,
+) -> Result<MutationOutcome, Error> {
     match verdict {
         TreeVerdict::Sound => Ok(MutationOutcome::Survived),
         TreeVerdict::NotCompiled(reason) => {
@@ -208,7 +210,7 @@ fn run_tests_of_shared_crate_with_time_limit(bench: &Workbench, limit_s: &str) -
 /// What cargo's tests said when they did not succeed.
 fn parse_verdict_of_failed_test_run(output: &str) -> TreeVerdict {
     if !output.contains("test result:") {
-        return TreeVerdict::NotCompiled(find_first_error(output));
+        return TreeVerdict::NotCompiled(find_first_error_line_or_placeholder(output));
     }
     let failed = |line: &str| Some(line.strip_prefix("test ")?.strip_suffix(" ... FAILED")?.to_owned());
     let mut failed: Vec<String> = output.lines().filter_map(failed).collect();
@@ -219,7 +221,7 @@ fn parse_verdict_of_failed_test_run(output: &str) -> TreeVerdict {
     TreeVerdict::Failed(failed)
 }
 
-fn build_image_and_run_report(bench: &Workbench) -> Result<TreeVerdict, Error> {
+fn build_image_and_run_report_and_emulator_self_test(bench: &Workbench) -> Result<TreeVerdict, Error> {
     let target = bench.root.join("target/mutate/firmware");
     let (works, output) = run_command_and_get_success_and_all_output(
         Command::new("cargo")
@@ -228,7 +230,7 @@ fn build_image_and_run_report(bench: &Workbench) -> Result<TreeVerdict, Error> {
             .arg(&target),
     )?;
     if !works {
-        return Ok(TreeVerdict::NotCompiled(find_first_error(&output)));
+        return Ok(TreeVerdict::NotCompiled(find_first_error_line_or_placeholder(&output)));
     }
     let own = std::env::current_exe().map_err(file_error("cannot find", Path::new("this program")))?;
     let image: PathBuf = target.join("thumbv7em-none-eabihf/release/era-firmware");
@@ -254,7 +256,7 @@ fn list_failed_python_tests(output: &str) -> Vec<String> {
 }
 
 /// The first error in what a compiler or a program has written.
-fn find_first_error(output: &str) -> String {
+fn find_first_error_line_or_placeholder(output: &str) -> String {
     let error = output.lines().map(str::trim).find(|line| line.starts_with("error"));
     error.unwrap_or("no error is named").to_owned()
 }
@@ -288,28 +290,29 @@ mod tests {
         let verdict = parse_verdict_of_failed_test_run(
             "test one ... ok\ntest two ... FAILED\ntest result: FAILED. 1 passed; 1 failed",
         );
-        let outcome = convert_verdict_to_outcome_failing_if_not_compiled(verdict).expect("it is judged");
+        let outcome = convert_verdict_to_outcome_failing_if_not_compiled_or_nameless(verdict).expect("it is judged");
         assert!(matches!(outcome, MutationOutcome::Detected(names) if names == ["two"]));
         assert!(matches!(
-            convert_verdict_to_outcome_failing_if_not_compiled(TreeVerdict::Sound),
+            convert_verdict_to_outcome_failing_if_not_compiled_or_nameless(TreeVerdict::Sound),
             Ok(MutationOutcome::Survived)
         ));
         let verdict = parse_verdict_of_failed_test_run("error[E0425]: cannot find `x`\nerror: could not compile");
-        let Err(Error::Unjudged(reason)) = convert_verdict_to_outcome_failing_if_not_compiled(verdict) else {
+        let Err(Error::Unjudged(reason)) = convert_verdict_to_outcome_failing_if_not_compiled_or_nameless(verdict)
+        else {
             panic!("the compiler was not to find it")
         };
         assert!(reason.ends_with("error[E0425]: cannot find `x`"), "{reason}");
         // A report that cannot start, and a test program that crashes.
         assert!(matches!(
-            convert_verdict_to_outcome_failing_if_not_compiled(TreeVerdict::Failed(Vec::new())),
+            convert_verdict_to_outcome_failing_if_not_compiled_or_nameless(TreeVerdict::Failed(Vec::new())),
             Err(Error::Unjudged(_))
         ));
         let crash = "test result: ok. 3 passed\nerror: test failed, to rerun pass `--test link` (signal: 11)";
         assert!(matches!(
-            convert_verdict_to_outcome_failing_if_not_compiled(parse_verdict_of_failed_test_run(crash)),
+            convert_verdict_to_outcome_failing_if_not_compiled_or_nameless(parse_verdict_of_failed_test_run(crash)),
             Err(Error::Unjudged(_))
         ));
-        let Ok(MutationOutcome::Detected(names)) = convert_verdict_to_outcome_failing_if_not_compiled(
+        let Ok(MutationOutcome::Detected(names)) = convert_verdict_to_outcome_failing_if_not_compiled_or_nameless(
             parse_verdict_of_failed_test_run("test result: ok. 3 passed"),
         ) else {
             panic!("a run that was ended by its time limit is detected")

@@ -152,7 +152,8 @@ struct Depths<'a> {
 impl<'a> Depths<'a> {
     fn new(program: &'a Program, calls: &'a [BTreeSet<usize>], recursion: u32) -> Self {
         // With a few hundred functions, who reaches whom is found by plain search.
-        let reached: Vec<BTreeSet<usize>> = (0..calls.len()).map(|start| find_reachable(calls, start)).collect();
+        let reached: Vec<BTreeSet<usize>> =
+            (0..calls.len()).map(|start| find_reachable_by_one_or_more_calls(calls, start)).collect();
         let reaches = |from: usize, to: usize| reached.get(from).is_some_and(|set| set.contains(&to));
         let circle = |position: usize| {
             let mut members: Vec<usize> =
@@ -197,7 +198,7 @@ impl<'a> Depths<'a> {
 }
 
 /// What can be reached from `start` by at least one call.
-fn find_reachable(calls: &[BTreeSet<usize>], start: usize) -> BTreeSet<usize> {
+fn find_reachable_by_one_or_more_calls(calls: &[BTreeSet<usize>], start: usize) -> BTreeSet<usize> {
     let mut reached = BTreeSet::new();
     let mut open = vec![start];
     while let Some(position) = open.pop() {

@@ -13,7 +13,7 @@
 //!
 //! Why a decoder of our own: the budget holds the worst case, and no run shows that. Of the image of 2026-11-27 the bound is
 //! 23 068 bytes of the 32 768 allowed, 63 % of it for handlers of four priorities on top of each other, a panic and a HardFault. A session
-//! that does everything uses 8 800 bytes of a painted stack on the emulated board ([`measure_most_stack_bytes_in_use`]), because it never meets these together: the
+//! that does everything uses 8 800 bytes of a painted stack on the emulated board ([`check_interrupt_priorities_and_measure_most_stack_bytes_in_use`]), because it never meets these together: the
 //! painted stack checks the bound from below, and cannot replace it. `flip-link` gives no figure: it puts the stack below the
 //! variables, so that an overflow faults and overwrites nothing. That would guard what the budget should never let happen. It was not
 //! taken: the stack begins at the end of the RAM, 115 KiB above the variables, so that it reaches them only if the bound is wrong by a factor of
@@ -26,7 +26,7 @@ mod thumb;
 
 pub use chain::{Rules, find_deepest_call_chain_of_each_nesting_level};
 pub use program::Program;
-pub use seen::measure_most_stack_bytes_in_use;
+pub use seen::check_interrupt_priorities_and_measure_most_stack_bytes_in_use;
 
 /// Why an image's stack cannot be bounded.
 #[derive(Debug, thiserror::Error)]

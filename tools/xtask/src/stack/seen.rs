@@ -36,13 +36,13 @@ struct Word {
 ///
 /// # Errors
 /// What the bridge says, or [`StackError::Priority`].
-pub fn measure_most_stack_bytes_in_use(
+pub fn check_interrupt_priorities_and_measure_most_stack_bytes_in_use(
     image: &Path,
     program: &Program,
     priorities: &BTreeMap<String, u8>,
 ) -> Result<u32, Error> {
     let mut bridge = Bridge::start(image, Pace::Paused)?;
-    let asked = send_all_requests_returning_names(&mut bridge)?;
+    let asked = run_session_of_all_requests_noise_and_silence_returning_names(&mut bridge)?;
     let missing: Vec<&str> = REQUESTS.iter().copied().filter(|name| !asked.contains(name)).collect();
     if !missing.is_empty() {
         let source = StackError::NotAsked(missing.join(", "));
@@ -56,7 +56,9 @@ pub fn measure_most_stack_bytes_in_use(
 
 /// Every request, four channels at the highest frequency and with effects, noise while they run, silence, and a fault cleared. The names
 /// of the requests.
-fn send_all_requests_returning_names(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
+fn run_session_of_all_requests_noise_and_silence_returning_names(
+    bridge: &mut Bridge,
+) -> Result<BTreeSet<&'static str>, Error> {
     let mut link = Link::default();
     let mut asked = BTreeSet::new();
     let prepared = (0..4).map(|channel| make_drive(channel, 1_000_000)).collect();

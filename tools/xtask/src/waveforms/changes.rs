@@ -70,7 +70,7 @@ struct TimerRun<'a> {
 }
 
 impl TimerRun<'_> {
-    fn poll_timers(&mut self) {
+    fn run_timers_until_now_and_record_last_a_pulses(&mut self) {
         let last_a = &mut self.last_a;
         let polled = self.timers.run_and_preload(self.now_us, |channel, pulse| {
             let Some([before, last]) = last_a.get_mut(channel) else { return };
@@ -88,9 +88,14 @@ impl TimerRun<'_> {
         let end_us = self.now_us + 1000 * milliseconds;
         while self.now_us < end_us {
             let late_us = if self.random.u32(0..20) == 0 { self.random.u64(0..2_500) } else { self.random.u64(0..30) };
-            let due_us = self.timers.sequencer.next_extra_poll_us_if_needed().unwrap_or(u64::MAX).max(self.now_us + 1);
+            let due_us = self
+                .timers
+                .sequencer
+                .poll_us_after_next_boundary_if_playing_or_too_near()
+                .unwrap_or(u64::MAX)
+                .max(self.now_us + 1);
             self.now_us = (self.now_us + 1000).min(due_us) + late_us;
-            self.poll_timers();
+            self.run_timers_until_now_and_record_last_a_pulses();
         }
     }
 
@@ -163,7 +168,7 @@ fn check_random_drive_changes_on_one_set_of_timers(mut run: TimerRun<'_>, max_dr
             }
         }
         run.timers.sequencer.set_or_end_drives_from_next_boundary(&goals, run.now_us);
-        run.poll_timers();
+        run.run_timers_until_now_and_record_last_a_pulses();
         if !drives_without_envelope {
             // Played, reversed and all, at a start that falls anywhere.
             for channel in 0..MAX_CHANNELS {
@@ -177,7 +182,7 @@ fn check_random_drive_changes_on_one_set_of_timers(mut run: TimerRun<'_>, max_dr
         let milliseconds = if settle { 4_200 } else { run.random.u64(0..30) };
         run.pass_time_polling_timers(milliseconds);
         if settle && drives_without_envelope {
-            compare_phases_of_channel_pairs(&run, &goals, tally);
+            record_worst_phase_error_of_channel_pairs_at_one_frequency(&run, &goals, tally);
         }
         tally.steps += 1;
     }
@@ -196,7 +201,7 @@ fn check_random_drive_changes_on_one_set_of_timers(mut run: TimerRun<'_>, max_dr
 }
 
 /// Compares the phases of all channels at one frequency with what was commanded.
-fn compare_phases_of_channel_pairs(
+fn record_worst_phase_error_of_channel_pairs_at_one_frequency(
     run: &TimerRun<'_>,
     goals: &[Option<ChannelGoal>; MAX_CHANNELS],
     tally: &mut ChangeTally,

@@ -69,7 +69,7 @@ impl BarePanel {
     ) -> Result<SurfaceCompliance, ModelError> {
         self.check_same_bare_panel(scene)?;
         let points = self.get_or_compute_compliance_points(x_m, y_m);
-        let attached = AttachedVectors::assemble_point_attachments_of_scene(self.model.grid(), scene);
+        let attached = AttachedVectors::assemble_supports_masses_and_actuators_of_scene(self.model.grid(), scene);
         let (free, modes) = (self.count_unknowns(), self.count_modes());
         let all = self.collect_distinct_load_shapes_of_attachments_and_edges(&attached.attachments, free);
         let missing = self.extrapolate_plate_flexibility_missed_by_mesh_if_lower_mesh_matches(&attached, scene, &all);

@@ -50,7 +50,7 @@ fn curves(model: &ReducedModel, scene: &Scene) -> Option<Curves> {
 /// Largest difference of a design's curves from those of its own finite elements, each relative to the latter's peak.
 fn difference(scene: &Scene, accuracy: Accuracy) -> Option<f64> {
     let own = PanelModel::build(scene, Accuracy::REFERENCE, MAX_HZ).ok()?;
-    let wanted = curves(&own.reduce_with_residual_shapes_of_actuators_and_points(MAX_HZ, &[]).unwrap(), scene)?;
+    let wanted = curves(&own.reduce_with_residual_shapes_of_actuators_damping_and_points(MAX_HZ, &[]).unwrap(), scene)?;
     let found = curves(&BarePanel::build(scene, accuracy, MAX_HZ).unwrap().couple_to_design(scene).unwrap(), scene)?;
     let most = wanted.iter().flatten().flatten().map(|z| z.norm()).fold(0.0, f64::max);
     let pairs = found.iter().zip(&wanted).flat_map(|(found, wanted)| found.iter().zip(wanted));
@@ -241,7 +241,7 @@ fn a_point_that_is_pushed_moves_as_its_own_elements_say() {
     };
     let wanted = of(&PanelModel::build(&scene, Accuracy::REFERENCE, MAX_HZ)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(MAX_HZ, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(MAX_HZ, &[])
         .unwrap());
     let found = of(&BarePanel::build(&scene, Accuracy::BALANCED, MAX_HZ).unwrap().couple_to_design(&scene).unwrap());
     let most = wanted.iter().flatten().map(|z| z.norm()).fold(0.0, f64::max);

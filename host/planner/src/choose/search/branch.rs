@@ -77,7 +77,7 @@ impl<'a> BranchAndBound<'a> {
         first_combination: Option<[usize; MAX_ACTUATORS]>,
     ) -> Option<BestCombination> {
         if let Some(first_combination) = first_combination {
-            self.allocate_combination_and_keep_if_best(&first_combination);
+            self.allocate_and_count_combination_keeping_it_if_allowed_and_best(&first_combination);
         }
         let whole = SearchRegion::with_all_candidates(self.choices);
         let first = LagrangianBound::evaluate_over_region_if_frequency_spacing_can_be_kept(
@@ -86,7 +86,7 @@ impl<'a> BranchAndBound<'a> {
             &self.duals_at_which_one_actuator_meets_wishes(),
             SearchGoal::Cost,
         )?;
-        let allocation = self.allocate_combination_and_keep_if_best(&first.choice);
+        let allocation = self.allocate_and_count_combination_keeping_it_if_allowed_and_best(&first.choice);
         let mut duals = allocation.duals.clone();
         if self.best.as_ref().is_none_or(|(_, best)| best.met < 1.0) {
             self.kind = SearchGoal::Reach;
@@ -141,7 +141,10 @@ impl<'a> BranchAndBound<'a> {
     }
 
     /// Allocates the forces of a combination, and keeps it if it is the best one that is allowed.
-    fn allocate_combination_and_keep_if_best(&mut self, candidate_indices: &[usize; MAX_ACTUATORS]) -> Allocation {
+    fn allocate_and_count_combination_keeping_it_if_allowed_and_best(
+        &mut self,
+        candidate_indices: &[usize; MAX_ACTUATORS],
+    ) -> Allocation {
         self.count_search_step();
         let allocation = self.choices.allocate_combination(candidate_indices);
         let fits = self.is_allowed_combination(candidate_indices);
@@ -188,7 +191,7 @@ impl<'a> BranchAndBound<'a> {
     }
 
     /// Whether the budget of steps is used up. It never is before a combination is known that may be driven.
-    const fn is_step_budget_spent(&self) -> bool {
+    const fn is_combination_known_and_step_budget_spent(&self) -> bool {
         self.best.is_some() && self.steps >= self.most_steps
     }
 
@@ -224,11 +227,12 @@ impl<'a> BranchAndBound<'a> {
                 mixture::add_column_and_is_new(&mut whole.columns, i, chosen[i], *force_n);
             }
         }
-        self.bound = if self.tighten_bound_and_can_still_improve(&mut whole, FIRST_ROUNDS, OWN_DUALS) {
-            self.search_by_branching_and_return_value_bound(whole)
-        } else {
-            self.pruning_threshold()
-        };
+        self.bound =
+            if self.tighten_bound_trying_combinations_and_can_still_improve(&mut whole, FIRST_ROUNDS, OWN_DUALS) {
+                self.search_by_branching_and_return_value_bound(whole)
+            } else {
+                self.pruning_threshold()
+            };
         self.relative_optimality_gap(self.bound)
     }
 
@@ -242,13 +246,13 @@ impl<'a> BranchAndBound<'a> {
             if self.is_reach_goal_with_wishes_met() || part.bound <= self.pruning_threshold() {
                 return self.pruning_threshold();
             }
-            if self.is_step_budget_spent() {
+            if self.is_combination_known_and_step_budget_spent() {
                 return part.bound;
             }
             for mut half in split_candidate_frequencies_of_most_mixed_actuator(part) {
                 if half.space.count_combinations() <= FEW {
                     self.evaluate_every_combination_of_region(&half.space);
-                } else if self.tighten_bound_and_can_still_improve(&mut half, PART_ROUNDS, 0) {
+                } else if self.tighten_bound_trying_combinations_and_can_still_improve(&mut half, PART_ROUNDS, 0) {
                     open.push(half);
                 }
             }
@@ -265,7 +269,7 @@ impl<'a> BranchAndBound<'a> {
                 *chosen = *candidate;
             }
             if self.is_allowed_combination(&chosen) {
-                self.allocate_combination_and_keep_if_best(&chosen);
+                self.allocate_and_count_combination_keeping_it_if_allowed_and_best(&chosen);
             }
             // The next, as an odometer counts.
             let mut places = at.iter_mut().zip(&space.lists);
@@ -283,7 +287,7 @@ impl<'a> BranchAndBound<'a> {
     /// Improves the dual variables of a subproblem and removes candidates that cannot be better than the best known
     /// combination, which improves on the way. Returns whether anything remains. The dual variables of the
     /// combination found are tried first, `rounds_at_best_duals` times.
-    fn tighten_bound_and_can_still_improve(
+    fn tighten_bound_trying_combinations_and_can_still_improve(
         &mut self,
         subproblem: &mut Subproblem,
         rounds: usize,
@@ -291,7 +295,7 @@ impl<'a> BranchAndBound<'a> {
     ) -> bool {
         let mut next = subproblem.duals.clone();
         for round in 0..rounds {
-            if self.is_step_budget_spent() {
+            if self.is_combination_known_and_step_budget_spent() {
                 break;
             }
             self.count_search_step();
@@ -307,7 +311,7 @@ impl<'a> BranchAndBound<'a> {
                 subproblem.bound = found.bound;
                 subproblem.duals.clone_from(&next);
             }
-            let allocation = self.allocate_combination_and_keep_if_best(&found.choice);
+            let allocation = self.allocate_and_count_combination_keeping_it_if_allowed_and_best(&found.choice);
             if self.is_reach_goal_with_wishes_met() || subproblem.bound <= self.pruning_threshold() {
                 return false;
             }
@@ -354,7 +358,7 @@ impl<'a> BranchAndBound<'a> {
             *chosen = largest.map_or(*chosen, |column| column.candidate);
         }
         if chosen != *fallback && self.is_allowed_combination(&chosen) {
-            self.allocate_combination_and_keep_if_best(&chosen);
+            self.allocate_and_count_combination_keeping_it_if_allowed_and_best(&chosen);
         }
     }
 
@@ -419,7 +423,10 @@ impl<'a> BranchAndBound<'a> {
     /// Tries other frequencies for one actuator at a time around the best combination, those with larger Lagrangian
     /// terms at its dual variables: no others can be better.
     fn improve_best_combination_locally(&mut self) {
-        while !self.is_polished && !self.is_step_budget_spent() && !self.is_reach_goal_with_wishes_met() {
+        while !self.is_polished
+            && !self.is_combination_known_and_step_budget_spent()
+            && !self.is_reach_goal_with_wishes_met()
+        {
             self.is_polished = true;
             let Some((chosen, allocation)) = self.best.clone() else { return };
             let choices = self.choices;
@@ -437,7 +444,7 @@ impl<'a> BranchAndBound<'a> {
                 earned.sort_by(|a, b| b.0.total_cmp(&a.0));
                 for (_, index) in earned.into_iter().take(TRIED) {
                     other[i] = index;
-                    self.allocate_combination_and_keep_if_best(&other);
+                    self.allocate_and_count_combination_keeping_it_if_allowed_and_best(&other);
                 }
             }
         }

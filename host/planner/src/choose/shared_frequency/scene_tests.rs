@@ -40,7 +40,7 @@ fn make_random_scene(random: &mut Random, actuators: usize) -> Scene {
 fn make_random_touch_field(scene: &Scene, random: &mut Random, count: usize, most_force_n: f64) -> Owned {
     let model: ReducedModel = PanelModel::build(scene, Accuracy::FAST, 400.0)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(400.0, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(400.0, &[])
         .unwrap();
     let mut place = || {
         let (x, y) = (random.draw_fraction() * scene.surface.length_m, random.draw_fraction() * scene.surface.width_m);

@@ -121,7 +121,7 @@ impl ClickDesigner<'_> {
     }
 
     /// Actuators that a click uses in full, with what keeps them from more; all of those that have a force if none is.
-    pub(super) fn list_limits_of_actuators_at_full_force_else_of_all_used(
+    pub(super) fn list_limiting_actuators_and_limits_at_full_force_else_of_all_used(
         &self,
         pushes: &[SlotPush],
     ) -> Vec<(usize, Limit)> {

@@ -19,7 +19,7 @@ const LEAST_RAIL_V: f64 = 100.0;
 
 impl ClickDesigner<'_> {
     /// Voltages at which the pushes fit their slots, with some room: the least ones of steps, so that clicks at neighbouring places have the same.
-    pub(super) fn choose_least_rail_voltages(&self, pushes: &[SlotPush]) -> [f64; RAILS] {
+    pub(super) fn choose_least_stepped_rail_voltages_v(&self, pushes: &[SlotPush]) -> [f64; RAILS] {
         core::array::from_fn(|rail| {
             let (least_v, highest_v) = self.find_least_and_highest_voltage_of_rail_v(pushes, rail);
             if least_v <= 0.0 {

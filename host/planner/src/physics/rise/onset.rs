@@ -212,7 +212,7 @@ impl SwitchOnModel {
     /// `push` is what drives a pole, and how much in the second phasor.
     fn bound_overshoot_of_each_mass_under_modal_push(
         &self,
-        push: impl Fn(&DrivenPole) -> (Complex64, f64),
+        modal_force_and_counter_rotating_size: impl Fn(&DrivenPole) -> (Complex64, f64),
         frequency_hz: f64,
         rise_s: f64,
         steady: &[Complex64; MAX_ACTUATORS],
@@ -226,10 +226,15 @@ impl SwitchOnModel {
             .map(|pole| {
                 let beat = pole.s - jw;
                 let sum = pole.s + jw;
-                let (push, turned) = push(pole);
+                let (modal_force_and_counter_rotating_size, turned) = modal_force_and_counter_rotating_size(pole);
                 let left = bound_residue_factor_of_quadratic_force_rise(sum.norm() * rise_s) / sum.norm() * turned;
                 against.iter_mut().zip(&pole.output).for_each(|(against, output)| *against += left * output.norm());
-                (beat, residue_factor_of_quadratic_force_rise(beat * rise_s) / beat * push, &pole.output)
+                (
+                    beat,
+                    residue_factor_of_quadratic_force_rise(beat * rise_s) / beat
+                        * modal_force_and_counter_rotating_size,
+                    &pole.output,
+                )
             })
             .collect();
         let mut overshoots = [0.0; MAX_ACTUATORS];

@@ -40,7 +40,7 @@ impl PointResidues {
     /// Accelerations in m/s^2 per N at 1, 2, ... `to_hz` Hz, (points x actuators) x frequencies. Each pole is moved by the factor that
     /// `pole_factor` gives for its modulus in Hz, as a panel has it whose stiffness is off, and decays at 0.5 1/s or faster.
     #[must_use]
-    pub fn accelerations_per_n_at_each_hz_with_poles_scaled_by(
+    pub fn accelerations_per_n_by_point_and_actuator_from_1_hz_poles_scaled(
         &self,
         to_hz: u32,
         pole_factor: impl Fn(f64) -> f64,
@@ -80,7 +80,7 @@ impl PointResidues {
     }
 
     /// Moduli in Hz of the poles that vibrate, ascending.
-    pub fn pole_frequencies_hz(&self) -> impl Iterator<Item = f64> {
+    pub fn vibrating_pole_frequencies_hz(&self) -> impl Iterator<Item = f64> {
         self.poles.iter().map(|s| s.norm()).filter(|w| *w > 10.0 * RIGID_RAD_S).map(|w| w / TAU)
     }
 }

@@ -9,7 +9,7 @@ fn model(text: &str) -> ReducedModel {
     let scene = Scene::parse("scene", text).unwrap();
     PanelModel::build(&scene, Accuracy::FAST, 300.0)
         .unwrap()
-        .reduce_with_residual_shapes_of_actuators_and_points(300.0, &[])
+        .reduce_with_residual_shapes_of_actuators_damping_and_points(300.0, &[])
         .unwrap()
 }
 

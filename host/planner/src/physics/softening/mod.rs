@@ -370,10 +370,10 @@ pub fn compute_travel_receptance(model: &ReducedModel, coordinates: &[DVector<Co
 }
 
 /// How far the actuators' masses (row) yield to a steady force on each (column), in m/N, by the springs alone
-/// ([`ReducedModel::steady_travel_or_infinity_if_driving_free_motion_m_per_n`]); infinite where the force drives a motion that nothing holds. Actuators beyond the most are left out.
+/// ([`ReducedModel::steady_travel_in_gaps_or_infinity_if_driving_free_motion_m_per_n`]); infinite where the force drives a motion that nothing holds. Actuators beyond the most are left out.
 #[must_use]
 pub fn static_receptance_magnitude_or_infinity_m_per_n(model: &ReducedModel) -> [[f64; MAX_ACTUATORS]; MAX_ACTUATORS] {
-    let travel = model.steady_travel_or_infinity_if_driving_free_motion_m_per_n();
+    let travel = model.steady_travel_in_gaps_or_infinity_if_driving_free_motion_m_per_n();
     let entry = |i: usize, j: usize| travel.get((i, j)).map_or(0.0, |own| own.abs());
     std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)))
 }
@@ -397,6 +397,6 @@ impl Electrodes {
         if travel_m > self.max_travel_m() {
             return Some(Limit::Travel);
         }
-        (voltage_v > self.max_voltage_of_remaining_gap_v(travel_m)).then_some(Limit::Breakdown)
+        (voltage_v > self.breakdown_voltage_of_remaining_gap_with_margin_v(travel_m)).then_some(Limit::Breakdown)
     }
 }

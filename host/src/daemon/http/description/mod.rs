@@ -35,8 +35,8 @@ pub fn build_openapi_json(declared: &OpenApi) -> String {
         schemas.values_mut().for_each(require_nullable_fields_unless_schema_is_closed);
         problems::insert_problem_types(schemas);
     }
-    ranges::insert_field_ranges(&mut document);
-    join_description_lines_and_set_unsigned_formats(&mut document);
+    ranges::insert_ranges_lengths_and_patterns_of_request_fields(&mut document);
+    join_description_lines_and_make_nonnegative_formats_unsigned(&mut document);
     if let Some(paths) = document["paths"].as_object_mut() {
         for (path, operations) in paths {
             for (method, operation) in operations.as_object_mut().into_iter().flatten() {
@@ -97,7 +97,7 @@ fn may_be_null(schema: &Value) -> bool {
 
 /// Comments of the source are broken at its width; and a whole number from 0 on has no sign, whose largest are beyond those of one
 /// with a sign.
-fn join_description_lines_and_set_unsigned_formats(value: &mut Value) {
+fn join_description_lines_and_make_nonnegative_formats_unsigned(value: &mut Value) {
     match value {
         Value::Object(map) => {
             if let Some(Value::String(text)) = map.get_mut("description") {
@@ -111,9 +111,9 @@ fn join_description_lines_and_set_unsigned_formats(value: &mut Value) {
                     _ => None,
                 };
             }
-            map.values_mut().for_each(join_description_lines_and_set_unsigned_formats);
+            map.values_mut().for_each(join_description_lines_and_make_nonnegative_formats_unsigned);
         }
-        Value::Array(list) => list.iter_mut().for_each(join_description_lines_and_set_unsigned_formats),
+        Value::Array(list) => list.iter_mut().for_each(join_description_lines_and_make_nonnegative_formats_unsigned),
         _ => {}
     }
 }

@@ -40,7 +40,7 @@ fn list_field_ranges() -> Vec<(&'static str, f64, f64)> {
 }
 
 /// Puts the ranges into the schemas of requests.
-pub fn insert_field_ranges(document: &mut Value) {
+pub fn insert_ranges_lengths_and_patterns_of_request_fields(document: &mut Value) {
     let requests = [
         "Touch",
         "Also",
@@ -87,7 +87,7 @@ pub fn insert_field_ranges(document: &mut Value) {
         }
     }
     insert_ranges_of_nested_objects(document);
-    insert_parameter_ranges(document);
+    insert_parameter_ranges_and_request_id_pattern(document);
 }
 
 fn insert_ranges_of_nested_objects(document: &mut Value) {
@@ -108,7 +108,7 @@ fn insert_ranges_of_nested_objects(document: &mut Value) {
     });
 }
 
-fn insert_parameter_ranges(document: &mut Value) {
+fn insert_parameter_ranges_and_request_id_pattern(document: &mut Value) {
     let operations = document["paths"].as_object_mut().into_iter().flat_map(|paths| paths.values_mut());
     for operation in operations.filter_map(Value::as_object_mut).flat_map(|item| item.values_mut()) {
         let parameters = operation.get_mut("parameters").and_then(Value::as_array_mut);

@@ -187,11 +187,11 @@ impl DeclaredControl {
         self.refuse_keys_of_other_kinds()?;
         check_intensity_range(self.intensity_g)?;
         let shape = match self.kind {
-            DeclaredKind::Button => Shape::Button(self.build_rectangle_if_large_enough_and_origin_on_screen(screen)?),
-            DeclaredKind::Toggle => Shape::Toggle(self.build_rectangle_if_large_enough_and_origin_on_screen(screen)?),
-            DeclaredKind::Edge => Shape::Edge(self.build_rectangle_if_large_enough_and_origin_on_screen(screen)?),
+            DeclaredKind::Button => Shape::Button(self.build_rectangle_if_large_enough_and_reaching_screen(screen)?),
+            DeclaredKind::Toggle => Shape::Toggle(self.build_rectangle_if_large_enough_and_reaching_screen(screen)?),
+            DeclaredKind::Edge => Shape::Edge(self.build_rectangle_if_large_enough_and_reaching_screen(screen)?),
             DeclaredKind::Slider => {
-                let area = self.build_rectangle_if_large_enough_and_origin_on_screen(screen)?;
+                let area = self.build_rectangle_if_large_enough_and_reaching_screen(screen)?;
                 let longer = if area.height > area.width { SliderAxis::Y } else { SliderAxis::X };
                 let detents = self.check_detents(MOST_SLIDER_DETENTS)?;
                 Shape::Slider { area, axis: self.axis.unwrap_or(longer), detents }
@@ -203,7 +203,7 @@ impl DeclaredControl {
                 Shape::Dial { x_px: self.x_px, y_px: self.y_px, radius_px, detents }
             }
             DeclaredKind::Texture => {
-                let area = self.build_rectangle_if_large_enough_and_origin_on_screen(screen)?;
+                let area = self.build_rectangle_if_large_enough_and_reaching_screen(screen)?;
                 let speed_px_s = self.speed_px_s.unwrap_or(DEFAULT_SPEED_PX_S);
                 Shape::Texture { area, speed_px_s: check_number_from_least_to_max_px("speed_px_s", speed_px_s, 1.0)? }
             }
@@ -212,7 +212,7 @@ impl DeclaredControl {
         Ok(Control { shape, intensity_g, is_on: self.on.unwrap_or(false) })
     }
 
-    fn build_rectangle_if_large_enough_and_origin_on_screen(&self, screen: &Screen) -> Result<Rectangle, Problem> {
+    fn build_rectangle_if_large_enough_and_reaching_screen(&self, screen: &Screen) -> Result<Rectangle, Problem> {
         let width = self.require_number_from_least_to_max_px("width_px", self.width_px, LEAST_SIZE_PX)?;
         let height = self.require_number_from_least_to_max_px("height_px", self.height_px, LEAST_SIZE_PX)?;
         self.require_overlap_with_screen(screen, [width, height], [0.0; 2])?;

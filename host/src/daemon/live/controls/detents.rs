@@ -29,7 +29,11 @@ impl DetentTracker {
     }
 
     /// Moves on to a position; whether that passes a detent, or several. Behind the `ends`, if there are any, nothing is passed.
-    pub fn move_to_position_and_check_if_detent_passed(&mut self, position: f64, ends: Option<[f64; 2]>) -> bool {
+    pub fn move_to_position_and_check_if_detent_passed(
+        &mut self,
+        position: f64,
+        first_and_last_detent: Option<[f64; 2]>,
+    ) -> bool {
         if let Some(near) = self.near {
             if (position - near.detent).abs() < HYSTERESIS {
                 return false;
@@ -46,7 +50,8 @@ impl DetentTracker {
         let passed_last = if gap > self.gap { gap } else { gap + 1.0 };
         self.gap = gap;
         let is_near = (position - passed_last).abs() < HYSTERESIS;
-        let is_stood_on = ends.is_some_and(|ends| ends.contains(&passed_last));
+        let is_stood_on =
+            first_and_last_detent.is_some_and(|first_and_last_detent| first_and_last_detent.contains(&passed_last));
         self.near = is_near.then_some(NearDetent { detent: passed_last, is_stood_on });
         true
     }

@@ -116,7 +116,9 @@ impl PageControls {
         for checked in fingers {
             let click = match self.fingers.iter_mut().find(|known| known.checked.finger.id == checked.finger.id) {
                 Some(known) => known.move_and_find_click_g(*checked, now).map(|peak_g| (ClickCause::Move, peak_g)),
-                None => self.put_finger_down_and_find_click_g(*checked, now).map(|peak_g| (ClickCause::Press, peak_g)),
+                None => self
+                    .put_finger_down_switching_toggle_and_find_click_g(*checked, now)
+                    .map(|peak_g| (ClickCause::Press, peak_g)),
             };
             clicks.extend(click.map(|(cause, peak_g)| (cause, with_peak(*checked, peak_g))));
         }
@@ -167,7 +169,11 @@ impl PageControls {
         self.fingers.iter().map(|known| known.checked)
     }
 
-    fn put_finger_down_and_find_click_g(&mut self, checked: CheckedFinger, now: Instant) -> Option<f64> {
+    fn put_finger_down_switching_toggle_and_find_click_g(
+        &mut self,
+        checked: CheckedFinger,
+        now: Instant,
+    ) -> Option<f64> {
         let finger = &checked.finger;
         let top = self.controls.iter_mut().rfind(|control| control.contains(finger.x_px, finger.y_px));
         let is_outside = top.is_none();

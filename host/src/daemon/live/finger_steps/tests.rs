@@ -111,7 +111,7 @@ fn the_newest_finger_has_its_effect() {
         CheckedFinger { finger, target: Target { x_m: 0.0, y_m: 0.0, intensity_g: None } }
     };
     let say = |down: &[CheckedFinger]| {
-        let effect = fingers.choose_effect_of_newest_finger(down);
+        let effect = fingers.choose_effect_of_newest_finger_else_ongoing_else_first(down);
         let haptics = RequestedHaptics { effect, ..RequestedHaptics::default() };
         fingers
             .queue_fingers_down_with_error_if_oldest_step_dropped(Touch::from_fingers(down, haptics).unwrap(), 0)

@@ -89,7 +89,7 @@ impl EmulatedBoard {
     ///
     /// # Errors
     /// [`Error::Bridge`].
-    pub fn power_cycle(&mut self) -> Result<(), Error> {
+    pub fn power_cycle_healing_faults(&mut self) -> Result<(), Error> {
         self.power_cycle_with_fault_and_time_boot_ms(&json!({})).map(|_| ())
     }
 
@@ -224,7 +224,7 @@ impl EmulatedBoard {
     /// # Errors
     /// [`Error::Bridge`].
     pub fn read_clock_cycles(&mut self) -> Result<u64, Error> {
-        Ok(self.bridge.read_times()?.clock)
+        Ok(self.bridge.read_emulated_and_wall_times()?.clock)
     }
 
     /// Time since `clock`, in ms.

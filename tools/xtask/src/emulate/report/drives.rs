@@ -50,7 +50,7 @@ pub fn set_drives_and_add_rows_comparing_registers_and_pins(
     drives: &[ChannelDrive; 4],
 ) -> Result<(), Error> {
     board.update_pin_edges_until_now()?;
-    board.edges.forget_pulses();
+    board.edges.forget_pulses_and_their_statistics();
     let began = board.read_clock_cycles()?;
     let refused = board.set_drives(drives)?;
     table.add_comparison_row(&format!("{name}: accepted"), "None", &format!("{refused:?}"));
@@ -91,8 +91,8 @@ pub fn add_rows_of_registers_rails_and_phases(
     if first.period_clocks() == second.period_clocks()
         && let [track_one, track_two, ..] = &board.edges.tracks
         && let (Some((origin_one, divider, period)), Some((origin_two, _, other))) = (
-            track_one.origin_clock_and_clocks_per_tick_and_period(),
-            track_two.origin_clock_and_clocks_per_tick_and_period(),
+            track_one.origin_and_clocks_per_tick_and_per_period_if_any_change_seen(),
+            track_two.origin_and_clocks_per_tick_and_per_period_if_any_change_seen(),
         )
     {
         table.add_comparison_row(&format!("{name}: clocks in a period"), &period.to_string(), &other.to_string());
@@ -123,7 +123,7 @@ pub fn add_rows_of_rapid_drive_changes(
     before: &[ChannelDrive; 4],
 ) -> Result<(), Error> {
     board.update_pin_edges_until_now()?;
-    board.edges.forget_pulses();
+    board.edges.forget_pulses_and_their_statistics();
     let began = board.read_clock_cycles()?;
     // Knuth's generator (MMIX): the same changes every time.
     let mut state = 1_u64;

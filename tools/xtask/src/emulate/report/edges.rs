@@ -45,7 +45,7 @@ impl TimerChange {
 #[derive(Debug, Default)]
 pub struct ChannelPins {
     current: Option<(TimerChange, TimerModel)>,
-    /// What its pulses were like since the last [`PinEdges::forget_pulses`].
+    /// What its pulses were like since the last [`PinEdges::forget_pulses_and_their_statistics`].
     pub check: PulseCheck,
     /// Every pulse since then; one that was cut in two by the end of a look is told in two parts that touch.
     pub pulses: Vec<Pulse>,
@@ -55,7 +55,7 @@ pub struct ChannelPins {
 
 impl ChannelPins {
     /// Origin of the counting and clocks in a tick and in a period, of the registers that count now.
-    pub fn origin_clock_and_clocks_per_tick_and_period(&self) -> Option<(u64, u64, u64)> {
+    pub fn origin_and_clocks_per_tick_and_per_period_if_any_change_seen(&self) -> Option<(u64, u64, u64)> {
         let (record, _) = self.current.as_ref()?;
         let divider = u64::from(record.psc) + 1;
         Some((record.origin, divider, divider * (u64::from(record.arr) + 1)))
@@ -109,7 +109,7 @@ impl PinEdges {
     }
 
     /// Forgets the pulses so far.
-    pub fn forget_pulses(&mut self) {
+    pub fn forget_pulses_and_their_statistics(&mut self) {
         for track in &mut self.tracks {
             track.check = PulseCheck::default();
             track.pulses.clear();

@@ -32,7 +32,7 @@ pub fn add_rows_of_click_and_ramp_envelopes(board: &mut EmulatedBoard, table: &m
     table.add_row("prepare", "Prepared", &format!("{prepared:?}").chars().take(8).collect::<String>(), is_prepared);
     board.advance_time_with_keep_alives(0.15)?;
     board.update_pin_edges_until_now()?;
-    board.edges.forget_pulses();
+    board.edges.forget_pulses_and_their_statistics();
     board.advance_time_with_keep_alives(0.05)?;
     board.update_pin_edges_until_now()?;
     table.add_comparison_row(
@@ -96,7 +96,7 @@ fn add_row_of_ramp_force_levels(board: &EmulatedBoard, table: &mut ReportTable) 
     let clocks = program.period_clocks();
     let force = |width: u64| (PI * width as f64 / clocks as f64).sin();
     let full = force(u64::from(program.width) * u64::from(program.divider));
-    let Some((origin, _, _)) = track.origin_clock_and_clocks_per_tick_and_period() else {
+    let Some((origin, _, _)) = track.origin_and_clocks_per_tick_and_per_period_if_any_change_seen() else {
         return Err(Error::NoReply("no pulses of the ramp".to_owned()));
     };
     let pulses = merge_adjacent_pulses_of_same_electrode(&track.pulses);

@@ -8,8 +8,8 @@ use super::board::EmulatedBoard;
 use super::drives::make_drive;
 use super::table::ReportTable;
 use super::trips::{
-    add_row_of_latched_fault, delay_until_all_off_if_off_by_now_ms, heal_faults_and_add_rows_of_rearming,
-    make_electrode_fault_json,
+    add_row_of_fault_state_and_latched_fault_code, delay_until_all_off_if_off_by_now_ms,
+    heal_faults_and_add_rows_of_rearming, make_electrode_fault_json,
 };
 use crate::error::Error;
 use era_shared::protocol::{ChannelDrive, FaultCode, Reply, Request};
@@ -62,7 +62,7 @@ pub fn check_electrode_currents(board: &mut EmulatedBoard, table: &mut ReportTab
     for frequency_millihertz in [40_000, 200_000, 400_000] {
         let name = format!("sound electrodes, {} Hz", frequency_millihertz / 1_000);
         table.run_part_adding_row_on_error(&name, |table| {
-            add_rows_of_current_of_intact_electrodes(board, table, &name, frequency_millihertz)
+            add_rows_of_total_current_and_no_fault_of_intact_electrodes(board, table, &name, frequency_millihertz)
         });
     }
     for broken in &BROKEN {
@@ -73,7 +73,7 @@ pub fn check_electrode_currents(board: &mut EmulatedBoard, table: &mut ReportTab
 }
 
 fn power_cycle_arm_and_set_drives(board: &mut EmulatedBoard, drives: &[ChannelDrive]) -> Result<(), Error> {
-    board.power_cycle()?;
+    board.power_cycle_healing_faults()?;
     board.arm_and_wait()?;
     match board.set_drives(drives)? {
         Some(refusal) => Err(Error::NoReply(format!("the drives were refused: {refusal:?}"))),
@@ -96,7 +96,7 @@ fn measure_mean_reported_current_advancing_time_microamps(board: &mut EmulatedBo
 }
 
 /// Four sound channels stay driven, and take what they should take.
-fn add_rows_of_current_of_intact_electrodes(
+fn add_rows_of_total_current_and_no_fault_of_intact_electrodes(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
@@ -139,6 +139,6 @@ fn add_rows_of_broken_electrode_while_driving(
     board.advance_time_with_keep_alives(NOTICED_MS / 1e3 + 0.01)?;
     let off = delay_until_all_off_if_off_by_now_ms(board, since)?;
     table.add_time_limit_row(&format!("{name}: electrodes off"), NOTICED_MS, off);
-    add_row_of_latched_fault(board, table, name, FaultCode::Electrode)?;
+    add_row_of_fault_state_and_latched_fault_code(board, table, name, FaultCode::Electrode)?;
     heal_faults_and_add_rows_of_rearming(board, table, name)
 }

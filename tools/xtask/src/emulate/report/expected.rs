@@ -19,7 +19,7 @@ pub const ALL_OFF: &str = "CEN 0000 MOE 000 electrodes low 8 HV 0 discharge 00 D
 ///
 /// # Errors
 /// [`Error::Bridge`].
-pub fn describe_output_state(board: &mut EmulatedBoard) -> Result<String, Error> {
+pub fn describe_timer_enables_output_pins_and_rail_dac_codes(board: &mut EmulatedBoard) -> Result<String, Error> {
     let timers = board.read_timer_registers()?;
     let bit =
         |registers: &Registers, name: &str, mask: u32| u8::from(find_register_or_zero(registers, name) & mask != 0);

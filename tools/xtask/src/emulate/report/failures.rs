@@ -3,11 +3,11 @@
 
 use super::board::EmulatedBoard;
 use super::drives::{add_reply_row, make_drive};
-use super::expected::{ALL_OFF, describe_output_state};
+use super::expected::{ALL_OFF, describe_timer_enables_output_pins_and_rail_dac_codes};
 use super::table::ReportTable;
 use super::trips::{
-    add_row_of_latched_fault, delay_until_all_off_if_off_by_now_ms, heal_faults_and_add_rows_of_rearming,
-    power_up_and_drive,
+    add_row_of_fault_state_and_latched_fault_code, delay_until_all_off_if_off_by_now_ms,
+    heal_faults_and_add_rows_of_rearming, power_up_and_drive,
 };
 use crate::error::Error;
 use era_shared::limits::DISCHARGE_LIMIT_MS;
@@ -116,7 +116,7 @@ pub fn check_restart_after_injected_processor_failures(board: &mut EmulatedBoard
         add_rows_of_arming_with_option_bytes(board, table)
     });
     table.run_part_adding_row_on_error("start: SRAM parity", |table| {
-        add_rows_of_brown_out_with_and_without_sram_parity(board, table)
+        add_rows_of_memory_kept_over_brown_out_with_and_without_parity(board, table)
     });
     table.run_part_adding_row_on_error("start: watchdog tried", |table| {
         add_rows_of_watchdog_self_test_at_start(board, table)
@@ -161,7 +161,7 @@ fn add_row_of_discharge_wait_after_reset_with_open_divider(
     power_up_and_drive(board)?;
     board.inject_fault(&json!({"rail_fault": {"rail": 1, "measured_factor": 0.0}}))?;
     board.advance_time(5e-3)?;
-    add_row_of_latched_fault(board, table, name, FaultCode::RailCollapsed)?;
+    add_row_of_fault_state_and_latched_fault_code(board, table, name, FaultCode::RailCollapsed)?;
     board.inject_fault(&json!({"reset": "pin"}))?;
     let safe = board.await_state_and_measure_ms(SafetyState::Safe, 2_000)?;
     table.add_time_range_row(&format!("{name}: safe after it"), 900.0, f64::from(DISCHARGE_LIMIT_MS), safe.ok());
@@ -171,7 +171,7 @@ fn add_row_of_discharge_wait_after_reset_with_open_divider(
 /// A drive near the largest force is charged by nearly all the time that passes; a reset does not give that back.
 fn add_rows_of_drive_time_left_after_reset(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let name = "credit over a reset";
-    board.power_cycle()?;
+    board.power_cycle_healing_faults()?;
     let full = read_drive_time_left_of_each_channel_ms(board)?;
     board.arm_and_wait()?;
     let refused = board.set_drives(&[make_drive(0, 200_000, 900_000, 0, 2_000_000)])?;
@@ -238,7 +238,11 @@ fn add_rows_of_fault_surviving_clear_and_arm(
     let arm = board.send_request(&Request::Arm { deadman_ms: None })?;
     let refused = Reply::Refused(Refusal::State { state: SafetyState::Fault, event: SafetyEvent::Arm });
     add_reply_row(arm, refused, table, &format!("{name}: arm"));
-    table.add_comparison_row(&format!("{name}: registers"), ALL_OFF, &describe_output_state(board)?);
+    table.add_comparison_row(
+        &format!("{name}: registers"),
+        ALL_OFF,
+        &describe_timer_enables_output_pins_and_rail_dac_codes(board)?,
+    );
     Ok(())
 }
 
@@ -271,7 +275,7 @@ fn add_rows_of_restart_after_failure(
         &failure.resets.to_string(),
         &board.read_cause_of_each_reset_after_firmware_was_up()?.len().to_string(),
     );
-    add_rows_of_reset_cause_and_fault_after_restart(board, table, name, failure.code, failure.cause)
+    add_rows_of_reset_cause_fault_and_rearming_after_restart(board, table, name, failure.code, failure.cause)
 }
 
 /// The 3.3 V fall below the voltage detector's threshold and come back.
@@ -286,29 +290,37 @@ fn add_rows_of_supply_sag(board: &mut EmulatedBoard, table: &mut ReportTable) ->
         AT_ONCE_MS,
         delay_until_all_off_if_off_by_now_ms(board, since)?,
     );
-    table.add_comparison_row(&format!("{name}: registers"), ALL_OFF, &describe_output_state(board)?);
+    table.add_comparison_row(
+        &format!("{name}: registers"),
+        ALL_OFF,
+        &describe_timer_enables_output_pins_and_rail_dac_codes(board)?,
+    );
     board.inject_fault(&json!({"pvd": "ok"}))?;
     board.advance_time(RESTARTED_S)?;
-    add_row_of_latched_fault(board, table, name, FaultCode::BrownOut)?;
+    add_row_of_fault_state_and_latched_fault_code(board, table, name, FaultCode::BrownOut)?;
     heal_faults_and_add_rows_of_rearming(board, table, name)
 }
 
 /// The same while the board is safe: no timer runs and the interrupt of the breaks is off, so that only the detector's own interrupt tells it.
 fn add_rows_of_supply_sag_while_safe(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let name = "3.3 V sags while safe";
-    board.power_cycle()?;
+    board.power_cycle_healing_faults()?;
     let safe = board.await_state_and_measure_ms(SafetyState::Safe, 100)?;
     table.add_time_limit_row(&format!("{name}: safe before"), 100.0, safe.ok());
     board.inject_fault(&json!({"pvd": "low"}))?;
     board.advance_time(2e-3)?;
-    add_row_of_latched_fault(board, table, name, FaultCode::BrownOut)?;
-    table.add_comparison_row(&format!("{name}: registers"), ALL_OFF, &describe_output_state(board)?);
+    add_row_of_fault_state_and_latched_fault_code(board, table, name, FaultCode::BrownOut)?;
+    table.add_comparison_row(
+        &format!("{name}: registers"),
+        ALL_OFF,
+        &describe_timer_enables_output_pins_and_rail_dac_codes(board)?,
+    );
     heal_faults_and_add_rows_of_rearming(board, table, name)
 }
 
 /// With parity, memory whose words were never written cannot be read: all that outlasts resets is written first at every power-on, and what was
 /// there is not believed. Without it, the same dip of the supply is told as one ("brown-out" above).
-fn add_rows_of_brown_out_with_and_without_sram_parity(
+fn add_rows_of_memory_kept_over_brown_out_with_and_without_parity(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
 ) -> Result<(), Error> {
@@ -373,14 +385,18 @@ fn read_drive_time_left_of_each_channel_ms(board: &mut EmulatedBoard) -> Result<
 }
 
 /// Off, the cause told in the hello, the fault latched, no arming before it is cleared.
-fn add_rows_of_reset_cause_and_fault_after_restart(
+fn add_rows_of_reset_cause_fault_and_rearming_after_restart(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
     code: FaultCode,
     cause: ResetCause,
 ) -> Result<(), Error> {
-    table.add_comparison_row(&format!("{name}: registers after it"), ALL_OFF, &describe_output_state(board)?);
+    table.add_comparison_row(
+        &format!("{name}: registers after it"),
+        ALL_OFF,
+        &describe_timer_enables_output_pins_and_rail_dac_codes(board)?,
+    );
     let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
     let reply = board.send_request(&hello)?;
     let (seen, message) = match &reply {
@@ -392,7 +408,7 @@ fn add_rows_of_reset_cause_and_fault_after_restart(
     if matches!(code, FaultCode::Panic | FaultCode::HardFault) {
         table.add_row(&format!("{name}: message in the hello"), "some", &message, !message.is_empty());
     }
-    add_row_of_latched_fault(board, table, name, code)?;
+    add_row_of_fault_state_and_latched_fault_code(board, table, name, code)?;
     let arm = board.send_request(&Request::Arm { deadman_ms: None })?;
     let expected = Reply::Refused(Refusal::State { state: SafetyState::Fault, event: SafetyEvent::Arm });
     add_reply_row(arm, expected, table, &format!("{name}: arm before clearing"));

@@ -53,7 +53,10 @@ const PARTS: [fn(&mut EmulatedBoard, &mut ReportTable); 7] = [
 ///
 /// # Errors
 /// [`Error::Report`] with the number of rows that are not as expected, or what kept the report from being made.
-pub fn run_board_checks_printing_report(image: &Path, end: ReportEnd) -> Result<(), Error> {
+pub fn run_board_checks_printing_report_exiting_at_first_wrong_if_asked(
+    image: &Path,
+    end: ReportEnd,
+) -> Result<(), Error> {
     ReportTable::print_head();
     let mut parts = PARTS;
     if end == ReportEnd::FirstWrongRow {

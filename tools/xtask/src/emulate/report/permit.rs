@@ -49,7 +49,7 @@ pub fn check_permit_line_and_hardware_trips_with_hung_processor(board: &mut Emul
     let name = "processor runs astray, then interlock opened";
     table.run_part_adding_row_on_error(name, |table| {
         power_up_drive_inject_fault_and_hang_processor(board, &nothing)?;
-        write_over_break_registers(board)?;
+        try_to_disable_locked_timer_breaks(board)?;
         add_rows_of_trip_of_hung_board(board, table, name, &interlock)
     });
     for (name, timer, detail) in MISSING_BREAKS {
@@ -68,7 +68,7 @@ fn add_row_of_permit_line_at_boot_armed_and_stopped(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
 ) -> Result<(), Error> {
-    board.power_cycle()?;
+    board.power_cycle_healing_faults()?;
     let line = |board: &mut EmulatedBoard| -> Result<Option<bool>, Error> {
         Ok(board.read_pins()?.get("permit").and_then(|pin| pin.high))
     };
@@ -95,7 +95,7 @@ fn power_up_drive_inject_fault_and_hang_processor(board: &mut EmulatedBoard, fau
 }
 
 /// Stores of firmware that has run astray, to all that leads a break to a timer's outputs. They are locked (RM0440, 28.6.20, LOCK = 3).
-fn write_over_break_registers(board: &mut EmulatedBoard) -> Result<(), Error> {
+fn try_to_disable_locked_timer_breaks(board: &mut EmulatedBoard) -> Result<(), Error> {
     // TIM1, TIM8, TIM20, TIM16.
     for base in [0x4001_2C00, 0x4001_3400, 0x4001_5000, 0x4001_4400] {
         // AF1: no source. BDTR: MOE (15) and AOE (14) without BKE (12), OSSI (10) and LOCK (9:8).
@@ -160,7 +160,7 @@ fn add_row_of_self_test_finding_timer_without_break_input(
     timer: &str,
     detail: u32,
 ) -> Result<(), Error> {
-    board.power_cycle()?;
+    board.power_cycle_healing_faults()?;
     board
         .await_state_and_measure_ms(SafetyState::Safe, 100)?
         .map_err(|state| Error::NoReply(format!("the state must be safe, but is {}", state.name())))?;
@@ -179,7 +179,7 @@ fn add_row_of_self_test_finding_disabled_break_interrupt(
     table: &mut ReportTable,
     name: &str,
 ) -> Result<(), Error> {
-    board.power_cycle()?;
+    board.power_cycle_healing_faults()?;
     board
         .await_state_and_measure_ms(SafetyState::Safe, 100)?
         .map_err(|state| Error::NoReply(format!("the state must be safe, but is {}", state.name())))?;

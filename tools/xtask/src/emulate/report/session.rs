@@ -8,8 +8,8 @@ use super::drives::{
 };
 use super::effects;
 use super::expected::{
-    ALL_OFF, compute_expected_registers, describe_high_voltage_enable_and_discharge_pins, describe_output_state,
-    format_read_registers, format_registers,
+    ALL_OFF, compute_expected_registers, describe_high_voltage_enable_and_discharge_pins,
+    describe_timer_enables_output_pins_and_rail_dac_codes, format_read_registers, format_registers,
 };
 use super::table::ReportTable;
 use super::windows;
@@ -43,7 +43,7 @@ pub fn check_healthy_session_from_boot_to_host_silence(board: &mut EmulatedBoard
 }
 
 fn add_rows_of_boot_and_hello(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
-    table.add_comparison_row("boot", ALL_OFF, &describe_output_state(board)?);
+    table.add_comparison_row("boot", ALL_OFF, &describe_timer_enables_output_pins_and_rail_dac_codes(board)?);
     let safe = board.await_state_and_measure_ms(SafetyState::Safe, 100)?;
     table.add_time_limit_row("boot: rails measured, safe", 100.0, safe.ok());
     let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
@@ -78,7 +78,11 @@ fn add_rows_of_unarmed_drive_refusal_and_garbage(
     let after = board.read_status()?;
     let seen = format!("state {}, {} bad frames", after.state.name(), after.link.bad_frames - before.bad_frames);
     table.add_comparison_row("garbage, a cut frame, a changed bit", "state safe, 3 bad frames", &seen);
-    table.add_comparison_row("after refusals and garbage", ALL_OFF, &describe_output_state(board)?);
+    table.add_comparison_row(
+        "after refusals and garbage",
+        ALL_OFF,
+        &describe_timer_enables_output_pins_and_rail_dac_codes(board)?,
+    );
     Ok(())
 }
 
@@ -163,7 +167,7 @@ fn add_rows_of_stop(board: &mut EmulatedBoard, table: &mut ReportTable) -> Resul
     board.update_pin_edges_until_now()?;
     let off = board.edges.all_off_since_clock().map(|off| off.saturating_sub(before) as f64 / CLOCKS_PER_MS);
     table.add_time_limit_row("stop: all electrodes off", answered, off);
-    table.add_comparison_row("stop", ALL_OFF, &describe_output_state(board)?);
+    table.add_comparison_row("stop", ALL_OFF, &describe_timer_enables_output_pins_and_rail_dac_codes(board)?);
     let safe = board.await_state_and_measure_ms(SafetyState::Safe, 1_100)?;
     let volts = board.read_set_points_and_rail_voltages()?.rail_volts;
     table.add_time_limit_row("stop: safe", 1_000.0, safe.ok());
@@ -190,7 +194,7 @@ fn add_rows_of_host_silence(board: &mut EmulatedBoard, table: &mut ReportTable) 
             format!("{off:.3} ms (dead-man time {DEADMAN_DEFAULT_MS} ms)"),
         );
     }
-    table.add_comparison_row("silence", ALL_OFF, &describe_output_state(board)?);
+    table.add_comparison_row("silence", ALL_OFF, &describe_timer_enables_output_pins_and_rail_dac_codes(board)?);
     let fault = board.read_latched_fault()?.map(|fault| fault.code);
     table.add_comparison_row("silence: fault", &format!("{:?}", Some(FaultCode::HostSilent)), &format!("{fault:?}"));
     let arm = board.send_request(&Request::Arm { deadman_ms: None })?;

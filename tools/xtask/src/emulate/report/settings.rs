@@ -122,7 +122,7 @@ const SETTINGS_WHILE_LIVE: [Setting; 2] = [
 /// The whole part of the report.
 pub fn check_protective_register_settings_and_trip_thresholds(board: &mut EmulatedBoard, table: &mut ReportTable) {
     table.run_part_adding_row_on_error("settings", |table| {
-        add_rows_of_register_settings_and_trip_thresholds(board, table)
+        add_rows_of_settings_and_of_faults_just_within_and_beyond_limits(board, table)
     });
 }
 
@@ -136,7 +136,7 @@ fn add_rows_of_settings(settings: &[Setting], board: &mut EmulatedBoard, table: 
 }
 
 /// Compares every setting, and tries thresholds from both sides.
-fn add_rows_of_register_settings_and_trip_thresholds(
+fn add_rows_of_settings_and_of_faults_just_within_and_beyond_limits(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
 ) -> Result<(), Error> {

@@ -3,7 +3,7 @@
 
 use super::board::{CLOCKS_PER_MS, EmulatedBoard};
 use super::drives::{FIRST, add_reply_row};
-use super::expected::{ALL_OFF, describe_output_state};
+use super::expected::{ALL_OFF, describe_timer_enables_output_pins_and_rail_dac_codes};
 use super::table::ReportTable;
 use crate::error::Error;
 use era_shared::limits::{DISCHARGE_LIMIT_MS, IMPLAUSIBLE_AFTER_MS};
@@ -228,7 +228,7 @@ pub fn make_electrode_fault_json(era: u32, electrode: &str, defect: &str) -> Val
 /// # Errors
 /// If the board does not come to that.
 pub fn power_up_and_drive(board: &mut EmulatedBoard) -> Result<(), Error> {
-    board.power_cycle()?;
+    board.power_cycle_healing_faults()?;
     board.arm_and_wait()?;
     if let Some(refusal) = board.set_drives(&FIRST)? {
         return Err(Error::NoReply(format!("the drives were refused: {refusal:?}")));
@@ -258,8 +258,12 @@ fn add_rows_of_trip_while_driving(
     board.advance_time(trip.limit_ms / 1e3 + 5e-3)?;
     let off = delay_until_all_off_if_off_by_now_ms(board, since)?;
     table.add_time_limit_row(&format!("{name}: electrodes off"), trip.limit_ms, off);
-    table.add_comparison_row(&format!("{name}: registers"), ALL_OFF, &describe_output_state(board)?);
-    add_row_of_latched_fault(board, table, name, trip.code)?;
+    table.add_comparison_row(
+        &format!("{name}: registers"),
+        ALL_OFF,
+        &describe_timer_enables_output_pins_and_rail_dac_codes(board)?,
+    );
+    add_row_of_fault_state_and_latched_fault_code(board, table, name, trip.code)?;
     if trip.stays {
         let reply = board.send_request(&Request::ClearFaults)?;
         add_reply_row(
@@ -276,7 +280,7 @@ fn add_rows_of_trip_while_driving(
 ///
 /// # Errors
 /// If the board does not answer.
-pub fn add_row_of_latched_fault(
+pub fn add_row_of_fault_state_and_latched_fault_code(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
@@ -318,7 +322,7 @@ fn add_rows_of_fault_at_arming(
     fault: &Value,
     code: FaultCode,
 ) -> Result<(), Error> {
-    board.power_cycle()?;
+    board.power_cycle_healing_faults()?;
     board
         .await_state_and_measure_ms(SafetyState::Safe, 100)?
         .map_err(|state| Error::NoReply(format!("the state must be safe, but is {}", state.name())))?;
@@ -331,15 +335,19 @@ fn add_rows_of_fault_at_arming(
         &fails.map_or_else(|state| format!("{reply:?}, then {}", state.name()), |ms| format!("after {ms:.1} ms")),
         fails.is_ok(),
     );
-    add_row_of_latched_fault(board, table, name, code)?;
-    table.add_comparison_row(&format!("{name}: registers"), ALL_OFF, &describe_output_state(board)?);
+    add_row_of_fault_state_and_latched_fault_code(board, table, name, code)?;
+    table.add_comparison_row(
+        &format!("{name}: registers"),
+        ALL_OFF,
+        &describe_timer_enables_output_pins_and_rail_dac_codes(board)?,
+    );
     heal_faults_and_add_rows_of_rearming(board, table, name)
 }
 
 /// A line that gives the permit although nobody has: noticed without an arming.
 fn add_rows_of_stuck_permit_while_safe(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let name = "permit's line stuck high while safe";
-    board.power_cycle()?;
+    board.power_cycle_healing_faults()?;
     let safe = board.await_state_and_measure_ms(SafetyState::Safe, 100)?;
     table.add_time_limit_row(&format!("{name}: safe before"), 100.0, safe.ok());
     board.inject_fault(&json!({"pin": {"name": "permit", "stuck": true}}))?;
@@ -362,7 +370,7 @@ fn add_rows_of_undischarged_rail_after_stop(board: &mut EmulatedBoard, table: &m
     let took = board.await_state_and_measure_ms(SafetyState::Fault, 2 * DISCHARGE_LIMIT_MS)?;
     // 1 ms of contact, 9.5 ms through 1 Mohm with tolerances, 0.5 ms of filter, a ms until the next look; then the question that finds it.
     table.add_time_limit_row(&format!("{name}: noticed"), 25.0, took.ok());
-    add_row_of_latched_fault(board, table, name, FaultCode::DischargeSlow)?;
+    add_row_of_fault_state_and_latched_fault_code(board, table, name, FaultCode::DischargeSlow)?;
     let reply = board.send_request(&Request::ClearFaults)?;
     let expected = Reply::Refused(Refusal::StillThere(FaultCode::DischargeSlow));
     add_reply_row(reply, expected, table, &format!("{name}: clear too early"));
@@ -459,8 +467,12 @@ fn add_rows_of_changed_register(
     let low = pins.iter().filter(|(pin, state)| pin.starts_with("era") && state.high == Some(false)).count();
     let took = board.milliseconds_since(since)?;
     table.add_row(&format!("{name}: electrodes low"), "8 within 5 ms", &format!("{low} after {took:.1} ms"), low == 8);
-    table.add_comparison_row(&format!("{name}: registers"), ALL_OFF, &describe_output_state(board)?);
-    add_row_of_latched_fault(board, table, name, found_by)?;
+    table.add_comparison_row(
+        &format!("{name}: registers"),
+        ALL_OFF,
+        &describe_timer_enables_output_pins_and_rail_dac_codes(board)?,
+    );
+    add_row_of_fault_state_and_latched_fault_code(board, table, name, found_by)?;
     if found_by == FaultCode::InterlockOpen {
         add_row_of_rails_reported_as_unmeasured_in_details(board, table, name)?;
     }
@@ -472,7 +484,7 @@ fn add_rows_of_changed_register(
     let seen = format!("armed {}, fault {fault:?}", again.is_ok());
     let expected = format!("armed false, fault Some({found_by_arming:?})");
     table.add_comparison_row(&format!("{name}: arm again"), &expected, &seen);
-    board.power_cycle()?;
+    board.power_cycle_healing_faults()?;
     let armed = board.arm_and_wait();
     let seen = armed.as_ref().map_or_else(ToString::to_string, |()| "armed".to_owned());
     table.add_comparison_row(&format!("{name}: arm after power-up"), "armed", &seen);

@@ -43,7 +43,7 @@ pub fn add_rows_of_window_sequence_at_pins(board: &mut EmulatedBoard, table: &mu
     let rail_millivolts = [400_000, 700_000];
     let sequence = WindowSequence { number: 1, start_us: 0, rail_millivolts, windows: windows.into_iter().collect() };
     board.update_pin_edges_until_now()?;
-    board.edges.forget_pulses();
+    board.edges.forget_pulses_and_their_statistics();
     let (before, Reply::Clock { now_us }) = (board.read_clock_cycles()?, board.send_request(&Request::Clock)?) else {
         return Err(Error::NoReply("no reply to Clock".to_owned()));
     };

@@ -37,7 +37,7 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "an NMI leaves everything on until its reset",
         "firmware/src/fatal.rs",
-        "    force_electrodes_and_supply_off();\n    let flash = FLASH.eccr().read().0;",
+        "    force_outputs_off_withdraw_permit_and_stop_timers();\n    let flash = FLASH.eccr().read().0;",
         "    let flash = FLASH.eccr().read().0;",
     ),
     new_mutation(
@@ -61,8 +61,8 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "the watchdog stands still in a debugger while live",
         "firmware/src/supply.rs",
-        "watchdog::set_frozen_in_debug(false);",
-        "watchdog::set_frozen_in_debug(true);",
+        "watchdog::set_watchdog_frozen_in_debug_and_freeze_timers(false);",
+        "watchdog::set_watchdog_frozen_in_debug_and_freeze_timers(true);",
     ),
     new_mutation(
         "an electrode is tried without a look at the others",
@@ -172,7 +172,7 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "a panic leaves the outputs",
         "firmware/src/fatal.rs",
-        "    cortex_m::interrupt::disable();\n    force_electrodes_and_supply_off();\n    let (file, line)",
+        "    cortex_m::interrupt::disable();\n    force_outputs_off_withdraw_permit_and_stop_timers();\n    let (file, line)",
         "    cortex_m::interrupt::disable();\n    let (file, line)",
     ),
     new_mutation(
@@ -352,13 +352,13 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "a HardFault leaves the outputs",
         "firmware/src/fatal.rs",
-        "    // Only an NMI can interrupt this, and it ends here too.\n    force_electrodes_and_supply_off();\n",
+        "    // Only an NMI can interrupt this, and it ends here too.\n    force_outputs_off_withdraw_permit_and_stop_timers();\n",
         "",
     ),
     new_mutation(
         "an interrupt that nobody has enabled leaves the outputs",
         "firmware/src/fatal.rs",
-        "    force_electrodes_and_supply_off();\n    write_note_and_reset(EXCEPTION, number",
+        "    force_outputs_off_withdraw_permit_and_stop_timers();\n    write_note_and_reset(EXCEPTION, number",
         "    write_note_and_reset(EXCEPTION, number",
     ),
     new_undetectable_mutation(

@@ -385,7 +385,7 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "the burst and the credit left are no limit for a sequence",
         "shared/src/device/windows.rs",
-        "self.budget.required_wait_for_plan_ms(index, last, plan(rest_us))",
+        "self.budget.required_wait_ms_for_burst_and_credit_of_plan(index, last, plan(rest_us))",
         "self.budget.required_wait_ms(index)",
     ),
     new_mutation(
