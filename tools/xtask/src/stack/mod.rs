@@ -16,7 +16,7 @@
 //! that does everything uses 8 800 bytes of a painted stack on the emulated board ([`check_interrupt_priorities_and_measure_most_stack_bytes_in_use`]), because it never meets these together: the
 //! painted stack checks the bound from below, and cannot replace it. `flip-link` gives no figure: it puts the stack below the
 //! variables, so that an overflow faults and overwrites nothing. That would guard what the budget should never let happen. It was not
-//! taken: the stack begins at the end of the RAM, 115 KiB above the variables, so that it reaches them only if the bound is wrong by a factor of
+//! taken: the stack begins at the end of the RAM, 113 KiB above the variables, so that it reaches them only if the bound is wrong by a factor of
 //! five; and flip-link would move the variables, among them the record that a reset keeps.
 
 mod chain;
