@@ -217,7 +217,7 @@ pub fn describe_toml_syntax_mistake(text: &str, line: usize, message: &str) -> S
 fn describe_table_and_how_to_write_its_header(path: &str) -> String {
     let Some((list, rest)) = path.split_once('[') else { return format!("a table, written [{path}]") };
     let key = rest.split_once(']').map_or(rest, |(_, key)| key);
-    format!("a table, written [{list}{key}] below its [[{list}]]")
+    format!("a table, written as [{list}{key}] below the line [[{list}]]")
 }
 
 /// A number as people write it: 10000 and 0.001, but 1e20.
