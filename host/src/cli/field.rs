@@ -59,7 +59,7 @@ pub fn map_touch_click_or_reach_or_compare_drive_schemes(options: &Field) -> Com
     }
     if let (Some(bound), false) = (bound.limit_if_known(), options.json) {
         tell!(
-            "accuracy: the error of each value is at most {bound:.0e} times the largest peak on the surface (difference from the exact solution of the model)"
+            "accuracy: each value differs from the exact solution of the model by at most {bound:.0e} times the largest peak on the surface"
         );
     }
     let to_output = options.csv.as_ref().is_some_and(|path| path.as_os_str() == "-");

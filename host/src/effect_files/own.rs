@@ -12,6 +12,8 @@ use utoipa::ToSchema;
 
 /// The version that is read.
 const VERSION: u32 = 1;
+/// What only a scene file has at its top.
+const SCENE_KEYS: [&str; 6] = ["surface", "support", "actuator", "screen", "layer", "edge"];
 /// Sequences inside each other.
 const MAX_DEPTH: usize = 8;
 /// Most events and sequences, with all loops played out.
@@ -153,8 +155,15 @@ fn read_error_from_serde(path: &serde_path_to_error::Path, message: &str) -> Rea
     };
     if let Some((name, nearest)) = parse_unknown_field_and_find_nearest(message) {
         let known = message.split('`').skip(3).step_by(2).collect::<Vec<_>>().join(", ");
-        let of_what = if inside(name) == name { "of an effect file" } else { "here" };
-        let hint = if nearest.is_none() { format!("; the known fields {of_what} are {known}") } else { String::new() };
+        let is_at_top = inside(name) == name;
+        let of_what = if is_at_top { "of an effect file" } else { "here" };
+        let hint = match nearest {
+            Some(_) => String::new(),
+            None if is_at_top && SCENE_KEYS.contains(&name) => {
+                format!(": this is a scene, but an effect file is needed, with the fields {known}")
+            }
+            None => format!("; the known fields {of_what} are {known}"),
+        };
         return ReadError::UnreadField(format!("{} {}{hint}", inside(name), describe_unknown_field(nearest)));
     }
     if let Some((_, name)) = message.split_once("missing field `") {
@@ -472,7 +481,7 @@ mod tests {
             // A scene, given as an effect.
             (
                 "[[actuator]]".to_owned(),
-                "actuator is not a known field; the known fields of an effect file are version",
+                "actuator is not a known field: this is a scene, but an effect file is needed, with the fields version",
             ),
             ("version = 1\nevnts = []".to_owned(), "evnts is not a known field; did you mean events?"),
             (event("intensity = \"much\""), "events[0].intensity is string \"much\", but must be a number"),
