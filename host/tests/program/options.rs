@@ -49,6 +49,7 @@ fn help(folder: &Path, command: &[String]) -> Help {
             options.insert(name, entry.contains('<') && !entry.contains("[="));
         }
     }
+    assert!(!commands.is_empty() || text.contains("\nExample"), "{command:?} has no example");
     Help { options, commands }
 }
 
