@@ -46,7 +46,7 @@ impl Timers {
             self.now_us = (self.now_us + 1000).min(
                 self.model
                     .sequencer
-                    .poll_us_after_next_boundary_if_playing_or_too_near()
+                    .next_extra_poll_time_us_if_playing_or_too_near()
                     .unwrap_or(u64::MAX)
                     .max(self.now_us + 1),
             );

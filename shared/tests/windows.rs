@@ -73,8 +73,7 @@ impl Player {
                 _ => pulses[channel].push(pulse),
             });
             assert_eq!(told, Ok(()));
-            let extra_us =
-                self.model.sequencer.poll_us_after_next_boundary_if_playing_or_too_near().unwrap_or(u64::MAX);
+            let extra_us = self.model.sequencer.next_extra_poll_time_us_if_playing_or_too_near().unwrap_or(u64::MAX);
             due_us = extra_us.min(self.now_us + 1_000).max(self.now_us + 1);
         }
     }

@@ -136,8 +136,8 @@ impl fmt::Display for Cost {
         write!(
             out,
             "about {:.0} unknowns, {:.0} modes",
-            round_to_digits_or_integer_below_one(self.unknowns, 2),
-            round_to_digits_or_integer_below_one(self.modes, 2)
+            round_to_significant_digits_or_integer_if_below_one(self.unknowns, 2),
+            round_to_significant_digits_or_integer_if_below_one(self.modes, 2)
         )?;
         if let Some((frequencies, points)) = self.responses {
             write!(out, ", {frequencies} frequencies")?;
@@ -155,14 +155,14 @@ pub fn describe_duration_rounded_to_one_digit(time: Duration) -> String {
     let seconds = time.as_secs_f64();
     match seconds {
         s if s < 1.5 => "a second".into(),
-        s if s < 95.0 => format!("{:.0} s", round_to_digits_or_integer_below_one(s, 1)),
-        s if s < 5400.0 => format!("{:.0} min", round_to_digits_or_integer_below_one(s / 60.0, 1)),
-        s => format!("{:.0} h", round_to_digits_or_integer_below_one(s / 3600.0, 1)),
+        s if s < 95.0 => format!("{:.0} s", round_to_significant_digits_or_integer_if_below_one(s, 1)),
+        s if s < 5400.0 => format!("{:.0} min", round_to_significant_digits_or_integer_if_below_one(s / 60.0, 1)),
+        s => format!("{:.0} h", round_to_significant_digits_or_integer_if_below_one(s / 3600.0, 1)),
     }
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "a power of ten")]
-fn round_to_digits_or_integer_below_one(value: f64, digits: i32) -> f64 {
+fn round_to_significant_digits_or_integer_if_below_one(value: f64, digits: i32) -> f64 {
     if value < 1.0 {
         return value.round();
     }

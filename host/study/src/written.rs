@@ -73,7 +73,7 @@ pub fn verify_and_write_results_unless_stopped(
 /// A finalist's scene, with what it is above it.
 fn format_scene_file_of_finalist(study: &Study, table: &DesignTable, finalist: &Finalist, rank: usize) -> String {
     let mut text = format!("# Rank {rank} in the study {:?}: design {}.\n", study.spec.name, finalist.design);
-    for (name, value) in names_and_verified_figures_unless_failed(study, finalist) {
+    for (name, value) in names_and_verified_figures_or_none_if_finalist_failed(study, finalist) {
         let _ = writeln!(text, "# {name} = {}", format_four_significant_digits_or_no_value_if_nan(value));
     }
     for (name, value) in names_and_worst_case_wish_figures_if_uncertain(study, table, finalist) {
@@ -104,7 +104,7 @@ pub fn names_and_worst_case_wish_figures_if_uncertain(
 
 /// The figures of a finalist with the names of their columns; none if it failed.
 #[must_use]
-pub fn names_and_verified_figures_unless_failed(study: &Study, finalist: &Finalist) -> Vec<(String, f64)> {
+pub fn names_and_verified_figures_or_none_if_finalist_failed(study: &Study, finalist: &Finalist) -> Vec<(String, f64)> {
     let names = study.figures.iter().map(|wanted| wanted.column_name());
     let values = finalist.verified.as_ref().map(|verified| verified.figures.values.clone()).unwrap_or_default();
     names.zip(values).collect()
@@ -140,7 +140,7 @@ impl StudyResults {
             let verified = own.verified.as_ref();
             json!({
                 "design": own.design,
-                "figures": names_and_verified_figures_unless_failed(study, own).into_iter().collect::<BTreeMap<_, _>>(),
+                "figures": names_and_verified_figures_or_none_if_finalist_failed(study, own).into_iter().collect::<BTreeMap<_, _>>(),
                 "weakest_mm": verified.ok().and_then(|verified| verified.figures.weakest_mm),
                 "error_bound": verified.ok().and_then(|verified| verified.bound),
                 "error_bounds": names_and_relative_error_bounds_of_finalist(study, own).into_iter().collect::<BTreeMap<_, _>>(),

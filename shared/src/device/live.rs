@@ -49,7 +49,7 @@ impl Device {
         let due_us = self
             .sequencer
             .as_ref()
-            .and_then(Sequencer::poll_us_after_next_boundary_if_playing_or_too_near)
+            .and_then(Sequencer::next_extra_poll_time_us_if_playing_or_too_near)
             .unwrap_or(u64::MAX);
         due_us.min(self.next_tick_us)
     }
@@ -292,7 +292,7 @@ impl Device {
             let rail = rail_index_of_channel(channel);
             let number = |values: &[u32; RAILS]| values.get(rail).copied().unwrap_or(u32::MAX);
             let highest = number(&readings.rail_millivolts).max(number(&self.supply.set_point_millivolts));
-            if drives && self.electrodes.is_era_absent(channel) && highest >= DISCHARGED_MILLIVOLTS {
+            if drives && self.electrodes.has_no_era_connected(channel) && highest >= DISCHARGED_MILLIVOLTS {
                 return Err((FaultCode::Electrode, electrode_fault_detail(channel, None)));
             }
         }

@@ -140,7 +140,7 @@ impl ElectrodeFindings {
     pub const NONE: Self = Self { takes_none: [[None; 2]; MAX_CHANNELS] };
 
     /// Adds a finding. A channel of which neither electrode takes a charge has no ERA: that is no fault as long as it is not driven
-    /// ([`Self::is_era_absent`]).
+    /// ([`Self::has_no_era_connected`]).
     ///
     /// # Errors
     /// [`FaultCode::Electrode`] with 10 x the ERA's number, from 1, + 1 for A or 2 for B if it takes no charge although the other one does,
@@ -170,7 +170,7 @@ impl ElectrodeFindings {
 
     /// Whether neither electrode of a channel takes a charge.
     #[must_use]
-    pub fn is_era_absent(&self, channel: usize) -> bool {
+    pub fn has_no_era_connected(&self, channel: usize) -> bool {
         self.takes_none.get(channel).is_some_and(|both| *both == [Some(true); 2])
     }
 }

@@ -451,7 +451,7 @@ impl Sequencer {
     }
 
     /// What must be written to a channel's preload registers now, if anything. To be called for every channel at least every
-    /// ms, and again at [`Self::poll_us_after_next_boundary_if_playing_or_too_near`].
+    /// ms, and again at [`Self::next_extra_poll_time_us_if_playing_or_too_near`].
     pub fn advance_and_prepare_next_preload_if_changed(&mut self, channel: usize, now_us: u64) -> Option<TimerPreload> {
         let (now, clocks_per_us) = (self.clocks_since_start(now_us), self.clocks_per_us);
         let passed = self.latest_certainly_passed_clock(now);
@@ -486,7 +486,7 @@ impl Sequencer {
     /// channel that plays an envelope, so that none of its periods is missed, or of a channel whose boundary was too near. (Periods
     /// of 1 ms would otherwise be too near every time.)
     #[must_use]
-    pub fn poll_us_after_next_boundary_if_playing_or_too_near(&self) -> Option<u64> {
+    pub fn next_extra_poll_time_us_if_playing_or_too_near(&self) -> Option<u64> {
         // An envelope that begins only later is none yet.
         let plays = |track: &ChannelTrack| {
             let soon = track.next_boundary_clock() + track.active.length_clocks();

@@ -106,7 +106,7 @@ impl ClearRectangle {
         ends: [f64; 4],
         wanted: [f64; 4],
     ) -> Option<Self> {
-        let mut inside = layout.layers_overlapping_rectangle_unless_cut_away(ends);
+        let mut inside = layout.layers_overlapping_rectangle_with_none_for_cut_away_parts(ends);
         let layer = inside.next()??;
         if inside.any(|part| part != Some(layer)) {
             return None;
@@ -132,7 +132,7 @@ impl ClearRectangle {
                     Side::Left | Side::Top => (beyond[k + 1], beyond[k]) = (ends[k], ends[k] - hair),
                     Side::Right | Side::Bottom => (beyond[k - 1], beyond[k]) = (ends[k], ends[k] + hair),
                 }
-                if layout.layers_overlapping_rectangle_unless_cut_away(beyond).all(|part| part.is_none()) {
+                if layout.layers_overlapping_rectangle_with_none_for_cut_away_parts(beyond).all(|part| part.is_none()) {
                     BorderKind::Free
                 } else if ends[k] == wanted[k] {
                     BorderKind::None

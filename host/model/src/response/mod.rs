@@ -60,7 +60,7 @@ pub fn compute_acceleration_curves_per_newton(
             // At rest: a constant force accelerates nothing that is held, and a free panel's w^2 q is taken from its limit.
             let minus_omega_squared = -(std::f64::consts::TAU * frequency_hz).powi(2);
             if *frequency_hz == 0.0 {
-                return Ok(acceleration_per_newton_at_zero_frequency(model, shape));
+                return Ok(acceleration_per_newton_of_each_actuator_at_zero_frequency(model, shape));
             }
             let coordinates = solver.solve_coordinates_per_newton_at(*frequency_hz)?;
             Ok(coordinates.iter().map(|q| multiply_shape_with_coordinates(shape, q) * minus_omega_squared).collect())
@@ -70,7 +70,10 @@ pub fn compute_acceleration_curves_per_newton(
 }
 
 /// The acceleration as the frequency goes to zero: that of the rigid motions, F / m and what turns with it.
-fn acceleration_per_newton_at_zero_frequency(model: &ReducedModel, shape: &DVector<f64>) -> Vec<Complex64> {
+fn acceleration_per_newton_of_each_actuator_at_zero_frequency(
+    model: &ReducedModel,
+    shape: &DVector<f64>,
+) -> Vec<Complex64> {
     (0..model.count_actuators())
         .map(|actuator| {
             let rigid =

@@ -254,7 +254,7 @@ impl SurfaceLayout {
     }
 
     /// The layers that a rectangle (x from, x to, y from, y to) has in its inside.
-    pub fn layers_overlapping_rectangle_unless_cut_away(
+    pub fn layers_overlapping_rectangle_with_none_for_cut_away_parts(
         &self,
         rectangle: [f64; 4],
     ) -> impl Iterator<Item = Option<SurfaceLayer>> {

@@ -104,7 +104,9 @@ impl BackgroundPlace {
         check_and_begin: impl FnOnce(&Deadline) -> Result<T, Problem> + Send + 'static,
     ) -> Result<T, Problem> {
         self.check_not_occupied()?;
-        let slot = sender.run_until_connection_closed(self.checks.wait_for_slot(client)).await?;
+        let slot = sender
+            .run_until_connection_closed(self.checks.wait_for_slot_replacing_waiting_request_of_same_client(client))
+            .await?;
         self.check_not_occupied()?;
         let whole = move |deadline: &Deadline| {
             // Until the check is done, also if nobody waits for it any more.

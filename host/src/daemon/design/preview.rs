@@ -108,7 +108,9 @@ impl Previews {
         sender: &RequestSender,
         parse_request: impl FnOnce() -> Result<PreviewRequest, Problem> + Send + 'static,
     ) -> Result<Preview, Problem> {
-        let slot = sender.run_until_connection_closed(self.slots.wait_for_slot(client)).await?;
+        let slot = sender
+            .run_until_connection_closed(self.slots.wait_for_slot_replacing_waiting_request_of_same_client(client))
+            .await?;
         let own = Arc::clone(&self.own);
         let work = move |deadline: &Deadline| {
             // Until the work is done, also if nobody waits for it any more.

@@ -51,7 +51,10 @@ impl Slots {
     ///
     /// # Errors
     /// [`Problem`]: a newer request of this client came while it waited, or too many clients wait.
-    pub async fn wait_for_slot(self: &Arc<Self>, client: Client) -> Result<Slot, Problem> {
+    pub async fn wait_for_slot_replacing_waiting_request_of_same_client(
+        self: &Arc<Self>,
+        client: Client,
+    ) -> Result<Slot, Problem> {
         let (sender, slot) = oneshot::channel();
         let ticket = self.join_queue_in_place_of_own_older_and_return_ticket(client, sender)?;
         let _leaves = LeaveOnDrop { slots: self, ticket };
@@ -170,7 +173,9 @@ mod tests {
     #[test]
     fn a_client_has_one_slot_whatever_is_free_and_its_newest_request_waits() {
         let slots = Slots::new(2, 2);
-        let take = |client: usize| -> Taking<'_> { Box::pin(slots.wait_for_slot(Client::with_token_number(client))) };
+        let take = |client: usize| -> Taking<'_> {
+            Box::pin(slots.wait_for_slot_replacing_waiting_request_of_same_client(Client::with_token_number(client)))
+        };
         let first = taken(&mut take(1));
         let mut older = take(1);
         assert!(poll(&mut older).is_pending(), "though a slot is free");
@@ -195,7 +200,9 @@ mod tests {
     #[test]
     fn who_goes_takes_nothing_with_him() {
         let slots = Slots::new(1, 4);
-        let take = |client: usize| -> Taking<'_> { Box::pin(slots.wait_for_slot(Client::with_token_number(client))) };
+        let take = |client: usize| -> Taking<'_> {
+            Box::pin(slots.wait_for_slot_replacing_waiting_request_of_same_client(Client::with_token_number(client)))
+        };
         let first = taken(&mut take(1));
         let (mut second, mut third) = (take(2), take(3));
         assert!(poll(&mut second).is_pending() && poll(&mut third).is_pending());

@@ -15,7 +15,7 @@ use crate::study::result::{DesignTable, Finalist};
 use crate::study::run::{RunEnd, Shard, Study, StudyFolder, StudyObserver, compute_missing_rows_of_shard};
 use crate::study::spec::WantedFigure;
 use crate::study::written::{
-    names_and_verified_figures_unless_failed, names_and_worst_case_wish_figures_if_uncertain,
+    names_and_verified_figures_or_none_if_finalist_failed, names_and_worst_case_wish_figures_if_uncertain,
     verify_and_write_results_unless_stopped,
 };
 use serde::{Deserialize, Serialize};
@@ -250,7 +250,7 @@ fn build_design_view(study: &Study, table: &DesignTable, finalist: &Finalist) ->
     let verified = finalist.verified.as_ref();
     DesignView {
         design: finalist.design,
-        figures: names_and_verified_figures_unless_failed(study, finalist)
+        figures: names_and_verified_figures_or_none_if_finalist_failed(study, finalist)
             .into_iter()
             .filter(|(_, value)| value.is_finite())
             .collect(),

@@ -57,7 +57,12 @@ impl TouchDriver {
             stops: stop_count_at_arrival,
             interruptions: Some(self.count_unrequested_disarms_faults_and_outages_of_board()),
         };
-        let slot = asker.sender.run_until_connection_closed(self.effect_slots.wait_for_slot(asker.client)).await?;
+        let slot = asker
+            .sender
+            .run_until_connection_closed(
+                self.effect_slots.wait_for_slot_replacing_waiting_request_of_same_client(asker.client),
+            )
+            .await?;
         self.check_neither_superseded_nor_stopped(id, stop_count_at_arrival)?;
         let (table, equipment) = (Arc::clone(&self.table), Arc::downgrade(&self.equipment));
         let work = move |deadline: &Deadline| {

@@ -88,7 +88,7 @@ struct HeldDrive {
 
 impl HeldDrive {
     /// The drive `plan` of a step, in place of the one before.
-    fn continue_or_begin(before: Option<Self>, plan: u64, step: &FingerStep) -> Self {
+    fn begin_or_continue_since_earlier_start(before: Option<Self>, plan: u64, step: &FingerStep) -> Self {
         // A texture is felt while its finger moves; it is no tap.
         let least = if step.is_texture { Duration::ZERO } else { TAP };
         let since = before.filter(|before| before.least == least).map_or_else(Instant::now, |before| before.since);
@@ -212,7 +212,9 @@ impl HeldFingers {
                 self.held = match touch.mode {
                     // An effect ends by itself, whatever the fingers do meanwhile.
                     DriveMode::Effect(_) | DriveMode::Designed(_) => None,
-                    DriveMode::Hold(_) => Some(HeldDrive::continue_or_begin(self.held, done.plan_id, &step)),
+                    DriveMode::Hold(_) => {
+                        Some(HeldDrive::begin_or_continue_since_earlier_start(self.held, done.plan_id, &step))
+                    }
                 };
                 Ok(())
             }

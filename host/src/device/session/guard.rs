@@ -17,7 +17,7 @@ const SETTLE: Duration = Duration::from_millis(500);
 
 impl SessionWorker {
     /// Arms because a person asks for it: also a device that was away. Then charges the rails for the first touch.
-    pub(super) fn arm_on_person_request_even_after_outage_and_precharge(
+    pub(super) fn arm_and_precharge_on_person_request_even_after_outage(
         &mut self,
         stop_count: u64,
     ) -> Result<(), SessionError> {

@@ -166,7 +166,7 @@ impl SessionWorker {
                 Ok(Command::Arm { stops, asked, answer }) => {
                     let result = self
                         .refuse_order_too_old_or_from_before_device_was_back(asked)
-                        .and_then(|()| self.arm_on_person_request_even_after_outage_and_precharge(stops));
+                        .and_then(|()| self.arm_and_precharge_on_person_request_even_after_outage(stops));
                     let _ = answer.send(result.map_err(|error| self.convert_halted_to_late_error(error)));
                 }
                 Ok(Command::Close) | Err(RecvTimeoutError::Disconnected) => {

@@ -108,7 +108,7 @@ impl BurstRun<'_> {
     /// Lets time pass as on the board: looked at every ms and when the sequencer wants it, and a little late.
     fn pass_time_polling_timers(&mut self, end_us: u64) {
         while self.now_us < end_us {
-            let due_us = self.timers.sequencer.poll_us_after_next_boundary_if_playing_or_too_near().unwrap_or(u64::MAX);
+            let due_us = self.timers.sequencer.next_extra_poll_time_us_if_playing_or_too_near().unwrap_or(u64::MAX);
             let late_us =
                 if self.random.u32(0..4) == 0 { self.random.u64(0..LATEST_US) } else { self.random.u64(0..30) };
             self.now_us = (self.now_us + 1_000).min(due_us.max(self.now_us + 1)) + late_us;

@@ -26,7 +26,7 @@ pub(super) struct UnheldMasses<'a> {
 impl UnheldMasses<'_> {
     /// Stiffness in N/m to add to the springs of each of the actuators; `None` if no springs suffice.
     pub fn added_stiffness_to_withstand_press_if_possible_n_per_m(&self) -> Option<Vec<f64>> {
-        let pulled = self.travel_of_each_mass_by_electrode_pull_m(&self.receptance);
+        let pulled = self.travel_of_each_mass_by_pull_of_all_electrodes_m(&self.receptance);
         let own = |i: &usize| {
             let furthest = self.pressed_m[*i].iter().fold(0.0_f64, |most, x| most.max(x.abs()));
             ((furthest + pulled[*i]) / self.most_m[*i] - 1.0) / self.receptance[(*i, *i)]
@@ -52,7 +52,7 @@ impl UnheldMasses<'_> {
     }
 
     /// Travel of every mass in m that the electrodes' pull causes.
-    fn travel_of_each_mass_by_electrode_pull_m(&self, receptance: &DMatrix<f64>) -> DVector<f64> {
+    fn travel_of_each_mass_by_pull_of_all_electrodes_m(&self, receptance: &DMatrix<f64>) -> DVector<f64> {
         receptance.map(f64::abs) * DVector::from_column_slice(self.pulls_n)
     }
 
@@ -69,7 +69,7 @@ impl UnheldMasses<'_> {
     fn keeps_travel_limits_with_added_stiffness(&self, added_n_per_m: &[f64]) -> bool {
         let p = self.receptance.nrows();
         let Some(inverse) = self.invert_stiffened_system_if_regular(added_n_per_m) else { return false };
-        let pulled = self.travel_of_each_mass_by_electrode_pull_m(&(&inverse * &self.receptance));
+        let pulled = self.travel_of_each_mass_by_pull_of_all_electrodes_m(&(&inverse * &self.receptance));
         let points = self.pressed_m.first().map_or(0, Vec::len);
         (0..points).all(|point| {
             let moved = |i: usize| (0..p).map(|j| inverse[(i, j)] * self.pressed_m[j][point]).sum::<f64>().abs();

@@ -202,7 +202,9 @@ fn build_problem_response(kinds: &[ProblemKind]) -> Value {
             "schema": {"type": "integer", "minimum": 1},
         }));
     }
-    for (name, about) in kinds.iter().filter_map(|kind| describe_answer_header_besides_retry_after(*kind)) {
+    for (name, about) in
+        kinds.iter().filter_map(|kind| name_and_description_of_answer_header_besides_retry_after(*kind))
+    {
         headers.insert(name.into(), json!({"description": about, "schema": {"type": "string"}}));
     }
     if !headers.is_empty() {
@@ -212,7 +214,9 @@ fn build_problem_response(kinds: &[ProblemKind]) -> Value {
 }
 
 /// The header that says what is wanted instead, and what it says.
-const fn describe_answer_header_besides_retry_after(kind: ProblemKind) -> Option<(&'static str, &'static str)> {
+const fn name_and_description_of_answer_header_besides_retry_after(
+    kind: ProblemKind,
+) -> Option<(&'static str, &'static str)> {
     match kind {
         ProblemKind::Token | ProblemKind::Role => Some((
             "www-authenticate",

@@ -117,7 +117,7 @@ impl PageControls {
             let click = match self.fingers.iter_mut().find(|known| known.checked.finger.id == checked.finger.id) {
                 Some(known) => known.move_and_find_click_g(*checked, now).map(|peak_g| (ClickCause::Move, peak_g)),
                 None => self
-                    .put_finger_down_switching_toggle_and_find_click_g(*checked, now)
+                    .put_finger_down_on_control_if_any_and_find_click_g(*checked, now)
                     .map(|peak_g| (ClickCause::Press, peak_g)),
             };
             clicks.extend(click.map(|(cause, peak_g)| (cause, with_peak(*checked, peak_g))));
@@ -169,7 +169,7 @@ impl PageControls {
         self.fingers.iter().map(|known| known.checked)
     }
 
-    fn put_finger_down_switching_toggle_and_find_click_g(
+    fn put_finger_down_on_control_if_any_and_find_click_g(
         &mut self,
         checked: CheckedFinger,
         now: Instant,

@@ -187,8 +187,8 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "an ERA that was not seen is driven",
         "shared/src/device/live.rs",
-        "            if drives && self.electrodes.is_era_absent(channel)",
-        "            if false && drives && self.electrodes.is_era_absent(channel)",
+        "            if drives && self.electrodes.has_no_era_connected(channel)",
+        "            if false && drives && self.electrodes.has_no_era_connected(channel)",
     ),
     new_mutation(
         "rails called safe at 120 V",
