@@ -245,13 +245,15 @@ def travel_if_all_meet(system, drives):
 
 @dataclass
 class Motion:
-    """A record: times in s, gap changes in m (rows of times), accelerations of the points in m/s^2, the last state."""
+    """A record: times in s, gap changes in m (rows of times), accelerations of the points in m/s^2 by the modes alone, the last state, and the
+    forces of the ERAs in N."""
 
     time: np.ndarray
     gap_change: np.ndarray
     acceleration: np.ndarray
     state: np.ndarray
     pulled_in: bool
+    force: np.ndarray
 
 
 def integrate_linear(system, drives, times, tolerance=1e-9):
@@ -348,6 +350,7 @@ def integrate(system, voltages, seconds, step, start=None, begin=0.0, moving=Tru
         system.acceleration(rows, forces[sampled]),
         rows[-1],
         pulled_in,
+        forces[sampled],
     )
 
 
@@ -376,7 +379,7 @@ def integrate_scipy(system, voltages, seconds, step, start=None, begin=0.0, movi
             rows[index] = solution.sol(min(max(times[index], left), right))
             forces[index] = force(*voltages.at(interval, times[index]), system.gaps @ rows[index, :size])
         state = solution.y[:, -1]
-    return Motion(times, rows[:, :size] @ system.gaps.T + forces @ system.gaps_rest.T, system.acceleration(rows, forces), state, False)
+    return Motion(times, rows[:, :size] @ system.gaps.T + forces @ system.gaps_rest.T, system.acceleration(rows, forces), state, False, forces)
 
 
 def amplitudes(time, record, frequencies):
