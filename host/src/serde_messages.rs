@@ -87,48 +87,20 @@ mod tests {
             let toml = toml::from_str::<Wanted>(toml).unwrap_err().message().to_owned();
             [json, toml]
         };
-        for message_or_empty_if_already_reported in messages(r#"{"cuont": 1}"#, "cuont = 1") {
-            assert_eq!(
-                parse_unknown_field_and_find_nearest(&message_or_empty_if_already_reported),
-                Some(("cuont", Some("count"))),
-                "{message_or_empty_if_already_reported}"
-            );
+        for message in messages(r#"{"cuont": 1}"#, "cuont = 1") {
+            assert_eq!(parse_unknown_field_and_find_nearest(&message), Some(("cuont", Some("count"))), "{message}");
         }
-        for message_or_empty_if_already_reported in messages(r#"{"voltage": 1}"#, "voltage = 1") {
-            assert_eq!(
-                parse_unknown_field_and_find_nearest(&message_or_empty_if_already_reported),
-                Some(("voltage", None)),
-                "{message_or_empty_if_already_reported}"
-            );
+        for message in messages(r#"{"voltage": 1}"#, "voltage = 1") {
+            assert_eq!(parse_unknown_field_and_find_nearest(&message), Some(("voltage", None)), "{message}");
         }
-        for message_or_empty_if_already_reported in messages(r#"{"x_px": "much"}"#, "x_px = \"much\"") {
-            assert_eq!(
-                describe_expected_type(&message_or_empty_if_already_reported).as_deref(),
-                Some("a number"),
-                "{message_or_empty_if_already_reported}"
-            );
-            assert_eq!(
-                parse_wrong_value(&message_or_empty_if_already_reported),
-                Some("string \"much\""),
-                "{message_or_empty_if_already_reported}"
-            );
-            assert_eq!(
-                parse_unknown_field_and_find_nearest(&message_or_empty_if_already_reported),
-                None,
-                "{message_or_empty_if_already_reported}"
-            );
+        for message in messages(r#"{"x_px": "much"}"#, "x_px = \"much\"") {
+            assert_eq!(describe_expected_type(&message).as_deref(), Some("a number"), "{message}");
+            assert_eq!(parse_wrong_value(&message), Some("string \"much\""), "{message}");
+            assert_eq!(parse_unknown_field_and_find_nearest(&message), None, "{message}");
         }
-        for message_or_empty_if_already_reported in messages(r#"{"queue": "old"}"#, "queue = \"old\"") {
-            assert_eq!(
-                describe_expected_type(&message_or_empty_if_already_reported).as_deref(),
-                Some("all or newest"),
-                "{message_or_empty_if_already_reported}"
-            );
-            assert_eq!(
-                parse_wrong_value(&message_or_empty_if_already_reported),
-                Some("`old`"),
-                "{message_or_empty_if_already_reported}"
-            );
+        for message in messages(r#"{"queue": "old"}"#, "queue = \"old\"") {
+            assert_eq!(describe_expected_type(&message).as_deref(), Some("all or newest"), "{message}");
+            assert_eq!(parse_wrong_value(&message), Some("`old`"), "{message}");
         }
     }
 }
