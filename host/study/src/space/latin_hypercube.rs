@@ -2,7 +2,8 @@
 
 use era_model::scene::random::RandomSequence;
 
-/// So many points of which each has a part of every dimension for itself, in a place of its own within that part.
+/// Draws `count` points of the unit cube, each with `dimensions` coordinates from 0 to 1: of each dimension, every one of `count` equal parts has
+/// exactly one point, at a random place within the part (McKay, Beckman and Conover 1979).
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "counts of designs")]
 pub fn draw_latin_hypercube(dimensions: usize, count: usize, random: &mut RandomSequence) -> Vec<Vec<f64>> {

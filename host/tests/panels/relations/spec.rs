@@ -324,7 +324,7 @@ fn damping() -> impl Strategy<Value = (&'static str, f64)> {
     ]
 }
 
-fn held() -> impl Strategy<Value = EdgeSupport> {
+fn arbitrary_edge_support() -> impl Strategy<Value = EdgeSupport> {
     prop_oneof![
         6 => Just(EdgeSupport::Free),
         1 => Just(EdgeSupport::Pinned),
@@ -374,7 +374,8 @@ pub fn scenes_of(is_bar: bool) -> impl Strategy<Value = Spec> {
     let supports = prop::collection::vec((part(), part(), (decades(1.0, 7.0), 0.0..5.0_f64)), 0..4);
     let masses = prop::collection::vec((part(), part(), decades(-1.0, 2.0)), 0..3);
     let eras = prop::collection::vec(era(), 1..5);
-    let edges = [held(), held(), held(), held()];
+    let edges =
+        [arbitrary_edge_support(), arbitrary_edge_support(), arbitrary_edge_support(), arbitrary_edge_support()];
     (size, 0.7..4.0_f64, material(), damping(), edges, (supports, masses, eras)).prop_map(
         move |((length, width), thickness_mm, (young, poisson, density), damping, edges, (supports, masses, eras))| {
             let at = |x: f64, y: f64| [x * length, if is_bar { 0.5 * width } else { y * width }];

@@ -210,7 +210,7 @@ fn run_tests_of_shared_crate_with_time_limit(bench: &Workbench, limit_s: &str) -
 /// What cargo's tests said when they did not succeed.
 fn parse_verdict_of_failed_test_run(output: &str) -> TreeVerdict {
     if !output.contains("test result:") {
-        return TreeVerdict::NotCompiled(find_first_error_line_or_placeholder(output));
+        return TreeVerdict::NotCompiled(find_first_error_line_or_text_that_none_is_named(output));
     }
     let failed = |line: &str| Some(line.strip_prefix("test ")?.strip_suffix(" ... FAILED")?.to_owned());
     let mut failed: Vec<String> = output.lines().filter_map(failed).collect();
@@ -230,7 +230,7 @@ fn build_image_and_run_report_and_emulator_self_test(bench: &Workbench) -> Resul
             .arg(&target),
     )?;
     if !works {
-        return Ok(TreeVerdict::NotCompiled(find_first_error_line_or_placeholder(&output)));
+        return Ok(TreeVerdict::NotCompiled(find_first_error_line_or_text_that_none_is_named(&output)));
     }
     let own = std::env::current_exe().map_err(file_error("cannot find", Path::new("this program")))?;
     let image: PathBuf = target.join("thumbv7em-none-eabihf/release/era-firmware");
@@ -255,8 +255,8 @@ fn list_failed_python_tests(output: &str) -> Vec<String> {
     output.lines().filter_map(name).collect()
 }
 
-/// The first error in what a compiler or a program has written.
-fn find_first_error_line_or_placeholder(output: &str) -> String {
+/// The first line of `output` that begins with "error", or a text that says that no error is named.
+fn find_first_error_line_or_text_that_none_is_named(output: &str) -> String {
     let error = output.lines().map(str::trim).find(|line| line.starts_with("error"));
     error.unwrap_or("no error is named").to_owned()
 }

@@ -140,7 +140,7 @@ mod tests {
         Leave(u8),
     }
 
-    fn step() -> impl Strategy<Value = FairStep> {
+    fn arbitrary_fair_step() -> impl Strategy<Value = FairStep> {
         prop_oneof![4 => (0..4_u8).prop_map(FairStep::Join), 2 => Just(FairStep::Next), 1 => any::<u8>().prop_map(FairStep::Leave)]
     }
 
@@ -196,7 +196,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_does_as_the_model(steps in prop::collection::vec(step(), 0..120), most in 1..9_usize) {
+        fn it_does_as_the_model(steps in prop::collection::vec(arbitrary_fair_step(), 0..120), most in 1..9_usize) {
             let (mut fair, mut model) = (FairQueue::new(most), Model::default());
             let mut tickets = Vec::new();
             for (item, step) in (0..).zip(steps) {

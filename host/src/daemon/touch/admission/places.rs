@@ -131,7 +131,7 @@ mod tests {
         GiveBack(usize),
     }
 
-    fn step() -> impl Strategy<Value = PlaceStep> {
+    fn arbitrary_place_step() -> impl Strategy<Value = PlaceStep> {
         prop_oneof![
             3 => (0..3_usize).prop_map(PlaceStep::Ask),
             2 => any::<usize>().prop_map(PlaceStep::Poll),
@@ -173,7 +173,7 @@ mod tests {
     proptest! {
         /// Whoever waits gets a place or an answer, whatever others do, and never are there more places than there are.
         #[test]
-        fn nobody_is_forgotten(steps in prop::collection::vec(step(), 0..80)) {
+        fn nobody_is_forgotten(steps in prop::collection::vec(arbitrary_place_step(), 0..80)) {
             let places = Places::new(PLACES, MOST);
             let (mut asking, mut held) = (Vec::<Asking>::new(), Vec::<HeldPlace>::new());
             let ready = |asked: &mut Asking, held: &mut Vec<HeldPlace>| match asked.poll() {
