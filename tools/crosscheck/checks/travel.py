@@ -139,7 +139,7 @@ def _peak(context, panel, system, plan, drives, point, record, where):
         for i, (f, drive, force) in enumerate(zip(hz, drives, forces))
     )
     half = len(record.time) // 2
-    part = lambda cut: motion.Motion(record.time[cut], record.gap_change[cut], record.acceleration[cut], record.state, False)
+    part = lambda cut: replace(record, time=record.time[cut], acceleration=record.acceleration[cut])
     early, late = fundamentals(part(slice(0, half)), drives), fundamentals(part(slice(half, None)), drives)
     amplitude = fundamentals(record, drives)
     unsettled = abs(late - early) / amplitude
