@@ -4,8 +4,7 @@ use super::actuator::ClickActuator;
 use super::bound::bound_crisp_click_peak_if_solved_m_per_s2;
 use super::designer::{BuiltClick, ClickDesigner, SLOT_SAMPLES};
 use super::felt::{
-    FINE_RECORD, filter_quarter_ms_means_to_felt_motion_at_16_khz,
-    filter_quarter_ms_means_to_motion_below_1_khz_at_16_khz,
+    FINE_RECORD, filter_50_us_means_to_felt_motion_at_16_khz, filter_50_us_means_to_motion_below_1_khz_at_16_khz,
 };
 use super::measures::{ClickMeasures, measure_click};
 use super::motion::simulate_windows;
@@ -101,10 +100,9 @@ pub fn design_click_windows(
         return None;
     }
     let means = built.motion.mean_acceleration.first().map_or(&[][..], Vec::as_slice);
-    let felt = filter_quarter_ms_means_to_felt_motion_at_16_khz(means);
-    let shown_peak = filter_quarter_ms_means_to_motion_below_1_khz_at_16_khz(means)
-        .iter()
-        .fold(0.0_f64, |most, x| most.max(x.abs()));
+    let felt = filter_50_us_means_to_felt_motion_at_16_khz(means);
+    let shown_peak =
+        filter_50_us_means_to_motion_below_1_khz_at_16_khz(means).iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let all: Vec<ClickMeasures> = std::iter::once(measure_click(&felt))
         .chain(
             built
@@ -112,7 +110,7 @@ pub fn design_click_windows(
                 .mean_acceleration
                 .iter()
                 .skip(1)
-                .map(|means| measure_click(&filter_quarter_ms_means_to_felt_motion_at_16_khz(means))),
+                .map(|means| measure_click(&filter_50_us_means_to_felt_motion_at_16_khz(means))),
         )
         .map(ClickMeasures::shift_times_to_count_from_burst_start)
         .collect();
@@ -214,7 +212,7 @@ fn build_click_with_peak_signs_of_least_surface_motion_and_limiting_actuator(
             continue;
         };
         let means = built.motion.mean_acceleration.iter();
-        let felt: Vec<Vec<f64>> = means.map(|means| filter_quarter_ms_means_to_felt_motion_at_16_khz(means)).collect();
+        let felt: Vec<Vec<f64>> = means.map(|means| filter_50_us_means_to_felt_motion_at_16_khz(means)).collect();
         let is_good = |(own, wish): (&Vec<f64>, &f64)| {
             let own = measure_click(own);
             own.peak >= REACHED * wish
@@ -275,7 +273,7 @@ pub fn simulate_felt_acceleration_of_windows_m_per_s2(
     windows: &[ClickWindow],
 ) -> Vec<Vec<f64>> {
     let motion = simulate_windows(table, poles, shapes, windows);
-    motion.mean_acceleration.iter().map(|means| filter_quarter_ms_means_to_felt_motion_at_16_khz(means)).collect()
+    motion.mean_acceleration.iter().map(|means| filter_50_us_means_to_felt_motion_at_16_khz(means)).collect()
 }
 
 #[expect(clippy::cast_precision_loss, reason = "some thousand samples")]

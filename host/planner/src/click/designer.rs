@@ -5,7 +5,7 @@ mod rails;
 
 use self::pushes::{ChosenPushes, SlotPush, WHOLE};
 use super::actuator::ClickActuator;
-use super::felt::{SAMPLE_S, filter_quarter_ms_means_to_felt_motion_at_16_khz};
+use super::felt::{SAMPLE_S, filter_50_us_means_to_felt_motion_at_16_khz};
 use super::measures::{ClickMeasures, measure_click};
 use super::motion::{WindowMotion, simulate_windows};
 use super::options::{ClickOptions, Preference};
@@ -293,10 +293,7 @@ impl ClickDesigner<'_> {
     /// The felt acceleration of every target, multiplied so that its wish is that of the first.
     fn list_felt_acceleration_of_each_target_scaled_to_first_wish(&self, motion: &WindowMotion) -> Vec<Vec<f64>> {
         let multiply = |(means, target): (&Vec<f64>, &TargetResponses)| {
-            filter_quarter_ms_means_to_felt_motion_at_16_khz(means)
-                .into_iter()
-                .map(|felt| target.factor * felt)
-                .collect()
+            filter_50_us_means_to_felt_motion_at_16_khz(means).into_iter().map(|felt| target.factor * felt).collect()
         };
         motion.mean_acceleration.iter().zip(&self.targets).map(multiply).collect()
     }

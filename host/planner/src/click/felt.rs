@@ -25,12 +25,17 @@ pub const STEPS: usize = 10 * RECORD;
 const STEPS_OF_FORCE_SAMPLE: usize = 5;
 /// Time between two samples in s.
 pub const SAMPLE_S: f64 = 1.0 / RECORD as f64;
+/// Means of a motion in 1 s: one for every two steps. Of means over [`SAMPLE_S`], what lies near 4 kHz would be folded into what is felt: up to 7 %
+/// of a click of a stiff bar, which follows the edges of its windows.
+pub const MEANS: usize = STEPS / 2;
+/// Time in s over which a mean is taken.
+pub const MEAN_S: f64 = 1.0 / MEANS as f64;
 /// Samples of a record of which figures are read: of a motion at 300 Hz the crest is missed by (pi 300 / 16000)^2 / 2 = 0.2 %.
 pub const FINE_RECORD: usize = 16_000;
 
 /// The transforms between a record and its lines.
 struct Transforms {
-    to_lines: Arc<dyn RealToComplex<f64>>,
+    means_to_lines: Arc<dyn RealToComplex<f64>>,
     force_samples_to_lines: Arc<dyn RealToComplex<f64>>,
     to_record: Arc<dyn ComplexToReal<f64>>,
     to_fine_record: Arc<dyn ComplexToReal<f64>>,
@@ -39,7 +44,7 @@ struct Transforms {
 static TRANSFORMS: LazyLock<Transforms> = LazyLock::new(|| {
     let mut planner = RealFftPlanner::new();
     Transforms {
-        to_lines: planner.plan_fft_forward(RECORD),
+        means_to_lines: planner.plan_fft_forward(MEANS),
         force_samples_to_lines: planner.plan_fft_forward(STEPS / STEPS_OF_FORCE_SAMPLE),
         to_record: planner.plan_fft_inverse(RECORD),
         to_fine_record: planner.plan_fft_inverse(FINE_RECORD),
@@ -63,36 +68,32 @@ pub fn weigh_spectrum_and_transform_to_felt_record(spectrum: impl Iterator<Item 
     inverse_fft_unscaled_or_zeros_on_error(&*TRANSFORMS.to_record, &mut lines, RECORD)
 }
 
-/// The felt part of a motion whose mean over each [`SAMPLE_S`] is given, as [`FINE_RECORD`] samples at the times 0, 1/16 ms, ...; the mean over
+/// The felt part of a motion whose mean over each [`MEAN_S`] is given, as [`FINE_RECORD`] samples at the times 0, 1/16 ms, ...; the mean over
 /// the whole record is left out.
 #[must_use]
-pub fn filter_quarter_ms_means_to_felt_motion_at_16_khz(means: &[f64]) -> Vec<f64> {
-    filter_quarter_ms_means_and_resample_to_16_khz(means, LAST_LINE, weigh_frequency)
+pub fn filter_50_us_means_to_felt_motion_at_16_khz(means: &[f64]) -> Vec<f64> {
+    filter_50_us_means_and_resample_to_16_khz(means, LAST_LINE, weigh_frequency)
 }
 
 /// The same of all that is below 1 kHz, as an accelerometer shows it.
 #[must_use]
-pub fn filter_quarter_ms_means_to_motion_below_1_khz_at_16_khz(means: &[f64]) -> Vec<f64> {
-    filter_quarter_ms_means_and_resample_to_16_khz(means, LAST_SHOWN_LINE, |_| 1.0)
+pub fn filter_50_us_means_to_motion_below_1_khz_at_16_khz(means: &[f64]) -> Vec<f64> {
+    filter_50_us_means_and_resample_to_16_khz(means, LAST_SHOWN_LINE, |_| 1.0)
 }
 
-fn filter_quarter_ms_means_and_resample_to_16_khz(
-    means: &[f64],
-    last_line: usize,
-    weigh: impl Fn(f64) -> f64,
-) -> Vec<f64> {
+fn filter_50_us_means_and_resample_to_16_khz(means: &[f64], last_line: usize, weigh: impl Fn(f64) -> f64) -> Vec<f64> {
     let mut fine = vec![Complex64::ZERO; FINE_RECORD / 2 + 1];
-    let lines = spectral_lines_from_quarter_ms_means(means, last_line);
+    let lines = spectral_lines_from_50_us_means(means, last_line);
     for ((place, line), hz) in fine.iter_mut().skip(1).zip(lines).zip(1_u32..) {
         *place = line * weigh(f64::from(hz));
     }
     inverse_fft_unscaled_or_zeros_on_error(&*TRANSFORMS.to_fine_record, &mut fine, FINE_RECORD)
 }
 
-/// The lines of a motion whose mean over each [`SAMPLE_S`] is given, at 1, 2, ... Hz up to `last_line`: half the amplitude of each frequency.
+/// The lines of a motion whose mean over each [`MEAN_S`] is given, at 1, 2, ... Hz up to `last_line`: half the amplitude of each frequency.
 #[must_use]
-pub fn spectral_lines_from_quarter_ms_means(means: &[f64], last_line: usize) -> Vec<Complex64> {
-    list_spectral_lines(means, &*TRANSFORMS.to_lines, last_line)
+pub fn spectral_lines_from_50_us_means(means: &[f64], last_line: usize) -> Vec<Complex64> {
+    list_spectral_lines(means, &*TRANSFORMS.means_to_lines, last_line)
 }
 
 /// The same of what is given as its mean over each of [`STEPS`] steps of 1 s: forces of windows, whose lines above 2 kHz would be folded into those
@@ -123,13 +124,13 @@ pub fn spectral_lines_from_25_us_step_means(steps: &[f64], last_line: usize) -> 
     lines.into_iter().zip(1_u32..).map(undo_smoothing).collect()
 }
 
-fn list_spectral_lines(means: &[f64], to_lines: &dyn RealToComplex<f64>, last_line: usize) -> Vec<Complex64> {
-    let mut record = to_lines.make_input_vec();
+fn list_spectral_lines(means: &[f64], means_to_lines: &dyn RealToComplex<f64>, last_line: usize) -> Vec<Complex64> {
+    let mut record = means_to_lines.make_input_vec();
     record.iter_mut().zip(means).for_each(|(place, mean)| *place = *mean);
     #[expect(clippy::cast_precision_loss, reason = "some thousand samples")]
     let sample_s = 1.0 / record.len() as f64;
-    let mut lines = to_lines.make_output_vec();
-    if to_lines.process(&mut record, &mut lines).is_err() {
+    let mut lines = means_to_lines.make_output_vec();
+    if means_to_lines.process(&mut record, &mut lines).is_err() {
         // Lengths are those of the plan.
         return Vec::new();
     }
@@ -166,16 +167,16 @@ mod tests {
         assert!(weights.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-12), "{weights:?}");
     }
 
-    /// Means of sines over a quarter of a ms come back as the sines, the felt part of them.
+    /// Means of sines over 50 us come back as the sines, the felt part of them.
     #[test]
     fn means_become_what_is_felt() {
         for (hz, felt) in [(7.0, 1.0), (250.0, 1.0), (400.0, 0.5), (700.0, 0.0)] {
             let integral = |t: f64| -(TAU * hz * t).cos() / (TAU * hz);
-            let means: Vec<f64> = (0..4000)
-                .map(|k| f64::from(k) * SAMPLE_S)
-                .map(|t| (integral(t + SAMPLE_S) - integral(t)) / SAMPLE_S)
+            let means: Vec<f64> = (0..20_000)
+                .map(|k| f64::from(k) * MEAN_S)
+                .map(|t| (integral(t + MEAN_S) - integral(t)) / MEAN_S)
                 .collect();
-            let found = filter_quarter_ms_means_to_felt_motion_at_16_khz(&means);
+            let found = filter_50_us_means_to_felt_motion_at_16_khz(&means);
             for (k, found) in (0..16_000).zip(found) {
                 let expected = felt * (TAU * hz * f64::from(k) / 16e3).sin();
                 assert!((found - expected).abs() < 1e-9, "{hz} Hz, sample {k}: {found} {expected}");

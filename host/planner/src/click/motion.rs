@@ -1,6 +1,6 @@
 //! The motion that windows make: electrodes that charge, gaps that move, step by step; and the free motion after them.
 
-use super::felt::{RECORD, SAMPLE_S, STEPS};
+use super::felt::{MEAN_S, MEANS, RECORD, SAMPLE_S, STEPS};
 use super::program::LOOKED_AT;
 use super::window::ClickWindow;
 use crate::PlanTable;
@@ -14,7 +14,10 @@ use num_complex::Complex64;
 
 /// Step in s, 25 us: a tenth of the least time constant of a board's electrodes, and an eightieth of a period of 500 Hz.
 const STEP_S: f64 = 1.0 / STEPS as f64;
-/// Steps of a sample.
+/// Steps over which a mean is taken.
+const STEPS_OF_MEAN: usize = STEPS / MEANS;
+/// Means, and steps, of a sample of what the programme looks at.
+const MEANS_OF_SAMPLE: usize = MEANS / RECORD;
 const STEPS_OF_SAMPLE: usize = STEPS / RECORD;
 /// After the last window's end, in s: electrodes have discharged (35 time constants of the board's).
 const DISCHARGED_S: f64 = 2e-3;
@@ -24,7 +27,7 @@ const LEAST_GAP: f64 = 0.5;
 /// What windows do.
 #[derive(Clone, Debug)]
 pub struct WindowMotion {
-    /// Mean acceleration over each [`SAMPLE_S`] at every target in m/s^2, for 1 s.
+    /// Mean acceleration over each [`MEAN_S`] at every target in m/s^2, for 1 s.
     pub mean_acceleration: Vec<Vec<f64>>,
     /// Force of every actuator over each [`STEP_S`] in N, as long as there is one.
     pub forces_n: Vec<Vec<f64>>,
@@ -52,7 +55,7 @@ pub fn simulate_windows(
     let mut travel_m = vec![0.0_f64; rows.len()];
     let mut forces_n = vec![Vec::new(); transducers.len()];
     let mut velocity = vec![vec![0.0]; shapes.len()];
-    // Mean displacement over each sample by what follows the forces at once.
+    // Mean displacement over each [`MEAN_S`] by what follows the forces at once.
     let mut followed = vec![vec![0.0]; shapes.len()];
     let mut largest: Vec<f64> = Vec::new();
     let end_s = windows.iter().map(|window| window.begin_s + window.width_s).fold(0.0, f64::max) + DISCHARGED_S;
@@ -88,20 +91,22 @@ pub fn simulate_windows(
         }
         stepper.advance_one_step(&forces, &mut motion);
         travel_m.iter_mut().zip(&motion).for_each(|(most, travel)| *most = most.max(travel.abs()));
-        if step % STEPS_OF_SAMPLE == 0 {
+        if step % STEPS_OF_MEAN == 0 {
             followed.iter_mut().for_each(|own| own.push(0.0));
         }
         forces_n.iter_mut().zip(&forces).for_each(|(own, force_n)| own.push(*force_n));
         for (target, own) in followed.iter_mut().enumerate() {
             if let Some(mean) = own.last_mut() {
                 *mean += stepper.displacement_of_row_by_instantly_following_poles_m(rows.len() + target, &forces)
-                    / STEPS_OF_SAMPLE as f64;
+                    / STEPS_OF_MEAN as f64;
             }
         }
-        if (step + 1) % STEPS_OF_SAMPLE == 0 {
+        if (step + 1) % STEPS_OF_MEAN == 0 {
             for (kept, now) in velocity.iter_mut().zip(motion.iter().skip(rows.len())) {
                 kept.push(*now);
             }
+        }
+        if (step + 1) % STEPS_OF_SAMPLE == 0 {
             let amplitudes = stepper.list_vibrating_poles_with_their_amplitudes();
             largest.resize(amplitudes.len(), 0.0);
             largest.iter_mut().zip(&amplitudes).for_each(|(most, (_, now))| *most = most.max(*now));
@@ -113,12 +118,12 @@ pub fn simulate_windows(
         .zip(followed)
         .enumerate()
         .map(|(target, (mut velocity, mut followed))| {
-            let left = RECORD - samples;
-            velocity.extend(stepper.sample_free_motion_of_row(rows.len() + target, SAMPLE_S, left));
+            let left = MEANS - samples * MEANS_OF_SAMPLE;
+            velocity.extend(stepper.sample_free_motion_of_row(rows.len() + target, MEAN_S, left));
             // Nothing follows where there is no force: before the beginning, after the end.
-            followed.resize(RECORD + 2, 0.0);
-            let bends = followed.windows(3).map(|three| (three[2] - 2.0 * three[1] + three[0]) / (SAMPLE_S * SAMPLE_S));
-            velocity.windows(2).zip(bends).map(|(pair, bend)| (pair[1] - pair[0]) / SAMPLE_S + bend).collect()
+            followed.resize(MEANS + 2, 0.0);
+            let bends = followed.windows(3).map(|three| (three[2] - 2.0 * three[1] + three[0]) / (MEAN_S * MEAN_S));
+            velocity.windows(2).zip(bends).map(|(pair, bend)| (pair[1] - pair[0]) / MEAN_S + bend).collect()
         })
         .collect();
     let amplitudes = stepper

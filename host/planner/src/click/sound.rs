@@ -125,7 +125,7 @@ fn compute_mean_acceleration_products_of_cells_at_each_hz(table: &PlanTable, pol
 
 #[cfg(test)]
 mod tests {
-    use super::super::felt::{RECORD, SAMPLE_S, filter_quarter_ms_means_to_felt_motion_at_16_khz};
+    use super::super::felt::{MEAN_S, MEANS, filter_50_us_means_to_felt_motion_at_16_khz};
     use super::super::motion::{WindowMotion, simulate_windows};
     use super::super::window::ClickWindow;
     use super::*;
@@ -181,7 +181,7 @@ mod tests {
     }
 
     /// The motion of every place in time gives the same figures: the mean squares of its felt acceleration, and of its velocity, whose sines
-    /// are weighed one by one. It is given as means over 0.25 ms, which fold motion above 2 kHz into these sines.
+    /// are weighed one by one.
     #[test]
     fn figures_are_those_of_the_motion_in_time() {
         for text in [EXAMPLE_BAR, EXAMPLE_PLATE] {
@@ -199,29 +199,29 @@ mod tests {
             let felt: Vec<f64> = motion
                 .mean_acceleration
                 .iter()
-                .map(|means| filter_quarter_ms_means_to_felt_motion_at_16_khz(means).iter().map(|x| x * x).sum::<f64>())
+                .map(|means| filter_50_us_means_to_felt_motion_at_16_khz(means).iter().map(|x| x * x).sum::<f64>())
                 .collect();
             #[expect(clippy::cast_precision_loss, reason = "24 places")]
             let count = places as f64;
             let contrast_db = 10.0 * (felt[2] * count / felt.iter().sum::<f64>()).log10();
-            assert!((found.contrast_db - contrast_db).abs() < 0.1, "{} {contrast_db}", found.contrast_db);
+            assert!((found.contrast_db - contrast_db).abs() < 0.002, "{} {contrast_db}", found.contrast_db);
             let mut square = 0.0;
             for means in &motion.mean_acceleration {
                 for hz in (1..=1000).map(f64::from) {
                     // The velocity's part at this frequency, from the accelerations' sum with a sine and a cosine.
                     let turn = |k: usize| {
-                        #[expect(clippy::cast_precision_loss, reason = "4000 samples")]
-                        let time_s = (k as f64 + 0.5) / RECORD as f64;
+                        #[expect(clippy::cast_precision_loss, reason = "20000 means")]
+                        let time_s = (k as f64 + 0.5) / MEANS as f64;
                         Complex64::cis(-TAU * hz * time_s)
                     };
-                    let line: Complex64 = means.iter().enumerate().map(|(k, x)| x * SAMPLE_S * turn(k)).sum();
-                    let mean = (TAU * hz * SAMPLE_S / 2.0).sin() / (TAU * hz * SAMPLE_S / 2.0);
+                    let line: Complex64 = means.iter().enumerate().map(|(k, x)| x * MEAN_S * turn(k)).sum();
+                    let mean = (TAU * hz * MEAN_S / 2.0).sin() / (TAU * hz * MEAN_S / 2.0);
                     let velocity = line.norm() / mean / (TAU * hz) * weigh_amplitude_like_ear(hz);
                     square += 2.0 * velocity * velocity / count;
                 }
             }
             let sound_db = 10.0 * (square / 1e-6).log10();
-            assert!((found.sound_db - sound_db).abs() < 0.5, "{} {sound_db}", found.sound_db);
+            assert!((found.sound_db - sound_db).abs() < 0.01, "{} {sound_db}", found.sound_db);
         }
     }
 

@@ -4,6 +4,9 @@ use super::{PanelPoles, RIGID_RAD_S};
 use nalgebra::DVector;
 use num_complex::Complex64;
 
+/// Part of what a pole begins its free motion with at which it counts as still.
+const DECAYED_TO: f64 = 1e-9;
+
 /// Displacements of some rows of the model (travels of actuators, say) and velocities of others, step by step from rest under forces of the
 /// actuators that are constant over each step: z' = s z + (x2 . b) F for every pole, exactly over a step. The displacement of a row is
 /// the sum of (row . x2) z / s, as x1 is W x2 / s, and its velocity that of (row . x2) z. What does not ring follows its force at once, with no
@@ -118,7 +121,8 @@ impl Stepper {
         at_once.iter().zip(forces_n).map(|(per_n, force)| per_n * force).sum()
     }
 
-    /// Samples one row of the free motion that follows, every `step_s` from one step after now on; the stepper stays where it is.
+    /// Samples one row of the free motion that follows, every `step_s` from one step after now on; the stepper stays where it is. The part of a pole ends
+    /// when it has fallen to [`DECAYED_TO`].
     #[must_use]
     pub fn sample_free_motion_of_row(&self, row: usize, step_s: f64, count: usize) -> Vec<f64> {
         let mut samples = vec![0.0; count];
@@ -127,9 +131,12 @@ impl Stepper {
             let Some(per_z) = output.get(row) else { continue };
             // Four samples at a time, which do not wait for each other.
             let turn = (s * step_s).exp();
+            let ends_after = DECAYED_TO.ln() / (s.re * step_s);
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+            let lasting = if ends_after > 0.0 { (ends_after as usize).min(count) } else { count };
             let mut motion = [1, 2, 3, 4].map(|steps| per_z * z * turn.powi(steps));
             let turn_four = turn.powi(4);
-            for samples in samples.chunks_mut(4) {
+            for samples in samples.get_mut(..lasting).into_iter().flat_map(|lasting| lasting.chunks_mut(4)) {
                 for (sample, motion) in samples.iter_mut().zip(&mut motion) {
                     *sample += motion.re;
                     *motion *= turn_four;
