@@ -73,8 +73,8 @@ fn check_kind_owner_and_mode(path: &Path, file: &File) -> Result<(), String> {
     let (owner, user) = (known.uid(), rustix::process::geteuid().as_raw());
     if owner != 0 && owner != user {
         return Err(format!(
-            "the file contains a secret, but belongs to the user with the number {owner}, who can change the file: \
-             it must belong to the user with the number {user}, who runs this program, or to root"
+            "the file contains a secret, but its owner (user ID {owner}) can change the file: the owner must be the \
+            user who runs this program (user ID {user}) or root"
         ));
     }
     let mode = known.permissions().mode() & 0o7777;

@@ -165,7 +165,7 @@ fn index_of_list_entry_by_number_or_name(key: &str, list: &[Value], which: &Boun
     let names: Vec<String> = list.iter().filter_map(name_of).collect();
     let found = list.iter().position(|entry| name_of(entry).as_ref() == Some(&wanted));
     let allowed = match named {
-        Some(name) => format!("an index, counted from 0, or the {name} of an entry, one of: {}", names.join(", ")),
+        Some(name) => format!("an index (counted from 0) or the {name} of an entry (one of: {})", names.join(", ")),
         None => String::from("an index, counted from 0, because the entries have no names"),
     };
     found.ok_or_else(|| Raised::wrong_argument(key, wanted.as_str(), allowed).into())

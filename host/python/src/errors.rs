@@ -233,7 +233,10 @@ impl From<ModelError> for Raised {
                 Some(format_allowed_range_or_minimum(*min, *max)),
             ),
             ModelError::TooFine { max_hz, unknowns, limit, .. } => {
-                let allowed = format!("at most {limit} unknowns, not {unknowns}");
+                let allowed = format!(
+                    "a frequency that needs at most {limit} unknowns (this frequency needs \
+                {unknowns})"
+                );
                 Self::with(RaisedKind::Model, &error, "frequency_hz", *max_hz, Some(allowed))
             }
             ModelError::TooManyModes { max_hz, modes, limit } => {
@@ -393,10 +396,8 @@ impl From<ExplainError> for Raised {
 
 impl From<BandError> for Raised {
     fn from(error: BandError) -> Self {
-        let allowed = format!(
-            "a band from {} to {} Hz or inside this range, at least {} Hz wide",
-            error.least_hz, error.most_hz, error.needed_hz
-        );
+        let allowed =
+            format!("a band within {} to {} Hz, at least {} Hz wide", error.least_hz, error.most_hz, error.needed_hz);
         let text = format!("from_hz = {}, to_hz = {}: {error}", error.from_hz, error.to_hz);
         Self::with(RaisedKind::Request, &text, "from_hz", error.from_hz, Some(allowed))
     }

@@ -56,7 +56,7 @@ pickled!(Transient {
 impl Transient {
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let (count, (x_m, y_m)) = (self.time_s.bind(py).len()?, self.at_m);
-        Ok(format!("<Transient: {count} times at ({x_m}, {y_m}) m, peak {:.4} m/s^2>", self.peak_m_s2))
+        Ok(format!("<Transient: {count} points in time at ({x_m}, {y_m}) m, peak {:.4} m/s^2>", self.peak_m_s2))
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {

@@ -113,7 +113,7 @@ pub struct Serve {
     pub panel: PanelOptions,
     #[command(flatten)]
     pub keep: CacheOptions,
-    /// Device: sim (simulated, the default), emulated, auto (the connected board), or the path of a serial port
+    /// Device: sim (simulated, the default), emulated (the firmware image in an emulator), auto (the connected board), or the path of a serial port
     #[arg(long, value_name = "DEVICE", help_heading = DEVICE)]
     pub device: Option<Target>,
     /// Address or host name to listen on, with a port, such as localhost:7878 or [::1]:7878 [default: 127.0.0.1:7878]
@@ -358,7 +358,7 @@ pub struct Latency {
         help_heading = NO_HEADING)]
     pub touches: u32,
     /// Instead of touches, measure N clicks that begin with discharged high-voltage rails, and N clicks that begin
-    /// after `POST /v1/arm`
+    /// with rails that `POST /v1/arm` has charged
     #[arg(long, value_name = "N", conflicts_with = "touches", value_parser = clap::value_parser!(u32).range(1..=1000),
         help_heading = NO_HEADING)]
     pub first_clicks: Option<u32>,

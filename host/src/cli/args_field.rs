@@ -29,15 +29,15 @@ pub struct Field {
     /// Requested peak acceleration, in g
     #[arg(long, value_name = "A", allow_negative_numbers = true, help_heading = TOUCH)]
     pub intensity_g: Option<f64>,
-    /// Compute for every point the strongest possible peak, the highest possible contrast of a weak vibration, and the
-    /// drive frequencies that give them, instead of the field of one touch
+    /// Instead of the field of one touch, compute for every point the strongest possible peak, the highest possible
+    /// contrast of a touch so weak that no limit applies, and the drive frequencies that give these two values
     #[arg(long, conflicts_with_all = ["at", "intensity_g", "schemes"], help_heading = REACH)]
     pub reach: bool,
-    /// Compare three drive schemes instead of computing the field of one touch: one frequency in phase, one frequency
-    /// with chosen phases, distinct frequencies. The comparison is by the peak at the weakest place of the surface
+    /// Compare three drive schemes (one frequency in phase, one frequency with chosen phases, distinct frequencies)
+    /// by the peak at the weakest place of the surface, instead of computing the field of one touch
     #[arg(long, conflicts_with_all = ["at", "intensity_g"], help_heading = REACH)]
     pub schemes: bool,
-    /// Map the time until a click is quiet instead of the field of one touch, for clicks at the centres of 12 x 8 cells
+    /// Map how long a click takes to become quiet, instead of the field of one touch. The clicks are at the centres of 12 x 8 cells
     /// (12 cells on a bar); NAME must be `click`
     #[arg(long, value_name = "NAME", hide_possible_values = true, help_heading = EFFECT,
         conflicts_with_all = ["at", "reach", "schemes", "zone", "felt", "from", "to", "spread"])]
@@ -48,7 +48,8 @@ pub struct Field {
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners_mm_in_any_order, conflicts_with = "at", allow_hyphen_values = true,
         help_heading = REACH)]
     pub zone: Option<Corners>,
-    /// For --schemes: give peaks in dB above the threshold of feeling at each frequency, instead of in g
+    /// For --schemes: give peaks in dB above the threshold of feeling, which depends on the frequency, instead of in
+    /// g
     #[arg(long, conflicts_with_all = ["at", "reach"], help_heading = REACH)]
     pub felt: bool,
     /// Lowest frequency for --reach and --schemes in Hz [default: the lowest frequency of the planner]

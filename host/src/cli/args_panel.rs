@@ -129,7 +129,8 @@ pub struct Transient {
     /// Time step in s
     #[arg(long, value_name = "S", default_value_t = 1e-4, allow_negative_numbers = true, help_heading = MOTION)]
     pub step: f64,
-    /// Write the motion as CSV, with lines time_s,displacement_m,acceleration_m_per_s2; `-` is standard output
+    /// Write the motion to this CSV file, with the columns time_s, displacement_m and acceleration_m_per_s2; `-` is
+    /// standard output
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub csv: Option<PathBuf>,
     /// Print JSON

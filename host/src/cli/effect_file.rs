@@ -93,7 +93,8 @@ fn format_played_effect_file(path: &Path, answer: &Value) -> String {
     let parts = answer["parts"].as_array().map_or(&[][..], Vec::as_slice);
     let peak_g = parts.iter().filter_map(|part| part["peak_g"].as_f64()).fold(0.0, f64::max);
     let mut text = format!(
-        "{}: {} events in {:.0} ms; the board plays {} parts, the strongest with a predicted peak of {peak_g:.3} g",
+        "{}: {} events, duration {:.0} ms; the board plays these events as {} parts, and the strongest part has a \
+        predicted peak of {peak_g:.3} g",
         answer["name"].as_str().map_or_else(|| path.display().to_string(), str::to_owned),
         answer["event_count"].as_u64().unwrap_or(0),
         answer["duration_ms"].as_f64().unwrap_or(f64::NAN),

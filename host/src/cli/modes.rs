@@ -72,7 +72,11 @@ pub fn run_modes(options: &Options) -> CommandResult {
         .surface
         .laminate_if_layered()
         .map_or_else(String::new, |laminate| format_laminate_totals_line(&scene, &laminate));
-    let heading = format!("{}: {dofs} unknowns, computed in {elapsed_ms:.0} ms{layers}", scene.name);
+    let heading = format!(
+        "{}: modes of a model with {dofs} unknowns, computed \
+    in {elapsed_ms:.0} ms{layers}",
+        scene.name
+    );
     print_text_after_queued_log(&format_mode_table(&heading, modes()))
 }
 

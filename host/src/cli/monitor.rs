@@ -33,8 +33,9 @@ pub fn decode_and_print_board_log(options: &Monitor) -> CommandResult {
     tracing::info!("log of firmware {} at {}", Version(running), board.path());
     if running != image.header.firmware {
         tracing::warn!(
-            "{} contains firmware {}, but the board runs firmware {}: lines may be missing or wrong. Name the image of \
-             the board's firmware with --elf, or write this image to the board with `era flash`",
+            "the image {} contains firmware {}, but the board runs firmware {}: lines of the log may be missing or \
+            wrong. Write the image to the board with `era flash`, or name the image of the board's firmware with \
+            --elf",
             path.display(),
             Version(image.header.firmware),
             Version(running)

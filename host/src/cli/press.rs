@@ -39,7 +39,7 @@ fn describe_missing_press_error_bounds_by_reason(table: &PlanTable) -> Vec<Strin
         let quoted: Vec<String> = ids.iter().map(|id| format!("{id:?}")).collect();
         let of = if quoted.len() == 1 { "actuator" } else { "actuators" };
         format!(
-            "The error bound of the travel in the column `alone` is not known for the {of} {}, because {reason}.",
+            "For the {of} {}, the error bound of the travel under the press alone is not known, because {reason}.",
             quoted.join(" and ")
         )
     };
@@ -48,7 +48,7 @@ fn describe_missing_press_error_bounds_by_reason(table: &PlanTable) -> Vec<Strin
 
 fn format_press_travel_per_actuator(table: &PlanTable) -> String {
     let mut text = format!(
-        "{}: effect of a press of {} N, for each actuator at the point where the press moves its mass furthest\n\
+        "{}: effect of a press of {} N at the point where the press moves the mass of each actuator furthest\n\
          \x20actuator       x, y in mm      alone   error at most      sag   error at most  end stop        \
          remaining gap safe up to\n",
         table.scene.name, table.scene.press_n

@@ -106,7 +106,12 @@ fn compute_bar_position_per_mille_never_reaching_end(elapsed: Duration, expected
 /// The latest level in words.
 fn describe_latest_mesh_or_empty() -> String {
     let level = *LEVEL.lock().unwrap_or_else(PoisonError::into_inner);
-    level.map_or_else(String::new, |(order, unknowns)| format!(", latest mesh of order {order}, {unknowns} unknowns"))
+    level.map_or_else(String::new, |(order, unknowns)| {
+        format!(
+            ", last computed mesh: order {order}, {unknowns} \
+    unknowns"
+        )
+    })
 }
 
 /// Notes the model's events named `level`, which it sends after every level of an answer with the fields `order` and `dofs`.

@@ -135,10 +135,10 @@ pub fn compare_drive_schemes_and_write_result(options: &Field) -> CommandResult 
     let unit = if options.felt { "dB above the threshold of feeling" } else { "g" };
     let mut text = format!(
         "{}, {}. All schemes use the largest safe forces. Peaks are in {unit}.\n\
-         (one frequency: at each frequency, the program tries {ratios} amplitude ratios in phase, or {phases} \
-         combinations of amplitudes and phases, and then searches near the best of them; \
-         distinct frequencies: the setting is the best possible for the forces at the rest gaps; a line below says if this is \
-         not proven)\n",
+         (With one frequency, the program tries at each frequency {ratios} amplitude ratios in phase, or {phases} \
+         combinations of amplitudes and phases, and then searches near the best of them. With distinct frequencies, \
+         the setting is the best possible for the forces that are computed with the air gaps at rest; if the program \
+         cannot prove that the setting is the best, a line below says so.)\n",
         scene.name,
         describe_searched_zone_and_frequencies(&table, options)
     );
@@ -330,8 +330,8 @@ fn describe_searched_zone_and_frequencies(table: &PlanTable, options: &Field) ->
     });
     match (table.frequencies_hz.first(), table.frequencies_hz.last()) {
         (Some(from), Some(to)) => format!(
-            "{within}{} frequencies from {from} to {to} Hz; if the actuators have distinct frequencies, these are at \
-             least {MIN_SPACING_HZ} Hz apart",
+            "{within}{} frequencies searched from {from} to {to} Hz; the frequencies of two actuators, if distinct, \
+            differ by at least {MIN_SPACING_HZ} Hz",
             table.frequencies_hz.len()
         ),
         _ => within,

@@ -105,7 +105,7 @@ pub fn run_serve(options: &Serve, started: Instant) -> CommandResult {
     let first = plan_touch_near_screen_middle(&app.table);
     let planned = started.elapsed();
     tracing::info!(
-        "ready after {:.3} s: open {} (scene {}, device {target})",
+        "ready after {:.3} s: open {} in a browser (scene {}, device {target})",
         planned.as_secs_f64(),
         urls.join(", "),
         scene.name
@@ -127,7 +127,7 @@ pub fn run_serve(options: &Serve, started: Instant) -> CommandResult {
     if let Some(plan) = first {
         let own_us = plan.elapsed_us;
         tracing::info!(
-            "first plan {:.0} ms after the start (the planning itself took {own_us:.0} us)",
+            "the first plan was ready {:.0} ms after the program started (the planning itself took {own_us:.0} us)",
             duration_ms(planned)
         );
     }
@@ -405,7 +405,8 @@ fn describe_table_preparation(prepared: &Prepared) -> String {
         }
         Origin::Computed { levels, table, write } => {
             format!(
-                "computed: the model in {:.0} ms and the table in {:.0} ms; file written in {:.0} ms",
+                "computed (the model took {:.0} ms, the table {:.0} ms) and written to the cache (this took {:.0} \
+                ms)",
                 duration_ms(*levels),
                 duration_ms(*table),
                 duration_ms(*write)

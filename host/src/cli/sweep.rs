@@ -115,8 +115,8 @@ fn compute_sweep_print_summary_and_write_file_if_asked<T: StoredNumber>(options:
             || String::from("no bound of the model error is known"),
             |bound| {
                 format!(
-                    "the model error at each point is at most {bound:.0e} times the largest value of this point over \
-                     all frequencies"
+                    "the model error at each point is at most {bound:.0e} times the largest acceleration at this \
+                    point over all frequencies"
                 )
             },
         );

@@ -147,9 +147,9 @@ pub fn parse_listen_address(text: &str) -> Result<HostPort, String> {
 pub fn parse_tolerances_of_springs_modulus_thickness_and_places(text: &str) -> Result<Tolerances, String> {
     let allowed = || {
         format!(
-            "must be four numbers, separated by commas, each the largest deviation of one property: spring stiffness, \
-             Young's modulus, thickness (fractions, 0 to {MOST_PART}), position of the actuators and supports (in mm, \
-             0 to {MOST_MM})"
+            "must be four numbers, separated by commas, the largest deviations of the spring stiffness, of Young's \
+            modulus and of the thickness (each as a fraction, 0 to {MOST_PART}), and of the position of the actuators \
+            and supports (in mm, 0 to {MOST_MM})"
         )
     };
     let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();

@@ -27,7 +27,7 @@ pub struct PlanWishes {
     /// Which actuators share a frequency
     #[arg(long, value_enum, default_value_t)]
     pub grouping: Grouping,
-    /// Weights of accelerations of different frequencies; `felt` weights each acceleration by the sensitivity of the
+    /// How the planner weights accelerations by frequency; `felt` multiplies each acceleration by the sensitivity of the
     /// skin at its frequency, relative to the sensitivity at 150 Hz
     #[arg(long, value_enum, default_value_t)]
     pub weigh: Weigh,

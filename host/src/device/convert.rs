@@ -112,10 +112,10 @@ pub fn describe_refusal(refusal: &Refusal) -> String {
         }
         Refusal::Start { start_us, now_us } => {
             format!(
-                "the effect or window sequence starts at {start_us} us of the board's clock, which now shows {now_us} \
-                 us: the start must be at most 100 ms before and at most 10 s after the present time; a window \
-                 sequence must also start after the rails have reached their voltage and the drives of its channels \
-                 have ended"
+                "the effect or window sequence must start at most 100 ms before and at most 10 s after the present \
+                time, but its start is {start_us} us and the board's clock shows {now_us} us. A window sequence must \
+                also start after the high-voltage rails have reached their voltage, and after the drives of its \
+                channels have ended"
             )
         }
         Refusal::Effect => {
@@ -132,10 +132,9 @@ pub fn describe_refusal(refusal: &Refusal) -> String {
         }
         Refusal::Live(state) => {
             format!(
-                "the board does not restart into its bootloader, because high voltage may be on: the board is armed, a \
-                 rail is still charged, or the board does not trust its measurement of the rail voltages yet (state \
-                 {}). \
-                 Disarm the board, wait for 2 s, and run the command again",
+                "the board (state {}) does not restart into its bootloader, because high voltage may be on: the board \
+                is armed, a rail is still charged, or the board has no reliable measurement of the rail voltages yet. \
+                Disarm the board, wait for 2 s, and run the command again",
                 state.name()
             )
         }
@@ -218,8 +217,8 @@ fn describe_drive_error(error: &DriveError) -> String {
         }
         DriveError::NotRepresentable { timer_clock_hz } => {
             format!(
-                "no timer setting gives the requested frequency, because the clock of the timer has \
-                     {timer_clock_hz} Hz"
+                "the timer cannot generate the requested frequency from its clock of {timer_clock_hz} Hz: request \
+                another frequency"
             )
         }
     }

@@ -117,7 +117,7 @@ impl EmulatedBoard {
         let mut control = BridgePipes { input, output: BufReader::new(output) };
         let path = control.read_json_line().and_then(|first| match first["pty"].as_str() {
             Some(path) => Ok(path.to_owned()),
-            None => Err(format!("the line {first} has no key \"pty\"")),
+            None => Err(format!("the first line of the emulator's output, {first}, has no key \"pty\"")),
         });
         match path {
             Ok(path) => Ok(Self { path, elf, child, control: Mutex::new(control) }),

@@ -102,8 +102,8 @@ fn judge_whether_safety_loops_are_closed(supply: &Supply) -> Finding {
         "interlock",
         found.join(", "),
         format!(
-            "{}; then clear the fault (`era clear`). If the fault comes although the enclosure is \
-             closed and the emergency stop is released, a wire of a safety loop is broken",
+            "{}; then clear the fault (`era clear`). If the fault occurs again while the enclosure is closed \
+            and the emergency stop is released, a wire of a safety loop is broken",
             advice.join("; ")
         ),
     )

@@ -77,7 +77,7 @@ impl RequestTrouble {
                 (format!("{place} does not speak TLS, but the request was sent over TLS"), format!("use --url http://{place}"))
             }
             Self::Untrusted(reason) if has_ca => (
-                format!("the certificate of {url} is not trusted, although --ca is given ({reason})"),
+                format!("the certificate of {url} is not trusted ({reason}), although --ca is given"),
                 "if the daemon made its certificate itself, copy era-cert.pem again from its --tls-dir; if an \
                  authority signed the certificate, the file of --tls-cert must contain the intermediate certificates \
                  after the daemon's own certificate, and --ca must name the root certificate of the authority"

@@ -171,7 +171,7 @@ mod tests {
         }
         let said = list.warnings.join("\n");
         for part in [
-            "the effect library has no effect `8`",
+            "the effect library of its perception has no effect `8`",
             "bands[2] is left out: its effects are wavelets",
             "perceptions[1] is left out: its modality is Temperature",
         ] {

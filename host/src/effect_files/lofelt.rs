@@ -84,7 +84,7 @@ fn list_points(list: &mut EventList, envelope: &Value, value_key: &str) -> Vec<(
         if time_s < before_s {
             list.warn(format!(
                 "{name} is left out: its time is {time_s} s, but must be at least {before_s} s (the time of the \
-                 previous point, or 0 s)"
+                previous point; 0 s for the first point)"
             ));
             continue;
         }

@@ -178,7 +178,11 @@ impl Scope<'_> {
                 match self.perception.library.iter().find(|own| own.id == effect.id) {
                     // The library's own position does not count.
                     Some(own) => self.add_effect(list, own, position, name, depth + 1),
-                    None => list.warn(format!("{name} is left out: the effect library has no effect `{}`", effect.id)),
+                    None => list.warn(format!(
+                        "{name} is left out: the effect library of its perception has no \
+                    effect `{}`",
+                        effect.id
+                    )),
                 }
             }
             EffectKind::Composite => {

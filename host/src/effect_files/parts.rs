@@ -108,7 +108,8 @@ pub fn cut_events_into_parts(list: &EventList) -> Result<(Vec<Part>, Vec<String>
     };
     if tolerance > TOLERANCE {
         warnings.push(format!(
-            "intensities over time are played with an error of up to {:.0} %: a smaller error needs too many segments",
+            "changes of intensity over time are played with an error of up to {:.0} %, because a \
+            smaller error needs too many segments",
             1e2 * tolerance
         ));
     }

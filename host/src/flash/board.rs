@@ -31,8 +31,9 @@ pub enum BoardError {
     Check(#[from] CheckError),
     /// Its firmware is too old.
     #[error(
-        "the board's firmware speaks ERA protocol version {0}, in which the host cannot start the bootloader: to start \
-         the bootloader, hold the pin BOOT0 (PB8) high while you switch the power on, or use a debug probe"
+        "the board's firmware speaks ERA protocol version {0}, in which the host cannot start the bootloader. Hold \
+        the pin BOOT0 (PB8) high while you switch the power on, then run `era flash` again; or write the firmware \
+        with a debug probe (`era flash --probe`)"
     )]
     TooOld(u8),
 }

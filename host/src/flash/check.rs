@@ -39,7 +39,10 @@ pub enum CheckError {
         board: Option<BoardKind>,
     },
     /// There is no flash in a simulation.
-    #[error("this is the simulated device, which has no firmware to replace; name the board's port with --port")]
+    #[error(
+        "the selected device is the simulated device, which has no firmware to \
+    replace; name the board's port with --port"
+    )]
     Simulated,
     /// It would speak less than now.
     #[error(

@@ -102,8 +102,10 @@ fn run_within_open_limit<T: Send + 'static>(
     let started = std::thread::Builder::new().spawn(move || sender.send(work()));
     started.map_err(|error| UsbError::Open { step, reason: error.to_string(), permission: false })?;
     result.recv_timeout(OPEN_LIMIT).unwrap_or_else(|_| {
-        let reason =
-            format!("the system did not answer within {OPEN_LIMIT:?}; disconnect the board and connect it again");
+        let reason = format!(
+            "the operating system did not answer \
+            within {OPEN_LIMIT:?}; disconnect the board and connect it again"
+        );
         Err(UsbError::Open { step, reason, permission: false })
     })
 }

@@ -39,8 +39,8 @@ impl fmt::Display for FileChange {
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// It is somebody else's.
-    #[error("{} was not written by `era install`, so the command leaves this file as it is; --force replaces the file \
-             (with --remove: removes the file)", .0.display())]
+    #[error("{} was not written by `era install`, so the command leaves this file as it is; --force replaces the \
+    file, and --force with --remove removes the file", .0.display())]
     Foreign(PathBuf),
     /// The system says no.
     #[error("cannot {what} {}: {source}{}", path.display(), if source.kind() == ErrorKind::PermissionDenied { ". Run the command as root (sudo), or use --print to see the files" } else { "" })]

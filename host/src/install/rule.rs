@@ -34,7 +34,8 @@ pub fn format_rule(group: &str, flash_group: Option<&str>) -> String {
          {usb}, {own}, ATTR{{product}}==\"{BOARD_NAME}\", ENV{{ID_MM_DEVICE_IGNORE}}=\"1\"\n\
          SUBSYSTEM==\"tty\", {parent}, ATTRS{{product}}==\"{BOARD_NAME}\", ENV{{ID_MM_DEVICE_IGNORE}}=\"1\", \
          ENV{{ID_MM_PORT_IGNORE}}=\"1\", {rights}\n\n\
-         # The bootloader in the chip's ROM, which accepts any firmware: {flashers} may use it (`era flash`).\n\
+         # The bootloader in the chip's ROM accepts any firmware. {flashers} may use this bootloader (`era \
+         flash`).\n\
          {usb}, {bootloader}, ENV{{ID_MM_DEVICE_IGNORE}}=\"1\"{flash_rights}\n\n\
          LABEL=\"era_end\"\n"
     )

@@ -54,13 +54,13 @@ pub enum VerifyError {
     Response(#[from] response::ResponseError),
     /// There is no steady state to compare with.
     #[error(
-        "the motion of the panel has not settled {LONGEST_SETTLE_S} s after the drives were switched on, and the board drives \
-         for at most 10 s, so there is no steady state to compare with: give the scene more damping (such as \
-         surface.damping.loss_factor)"
+        "the prediction and the simulation cannot be compared, because there is no steady state: the motion of the \
+        panel has not settled {LONGEST_SETTLE_S} s after the drives were switched on, and the board drives for at \
+        most 10 s. Give the scene more damping (such as surface.damping.loss_factor)"
     )]
     NeverSettles,
     /// The electrodes leave no steady state, or none within their gap.
-    #[error("there is no steady motion to compare with: {0}")]
+    #[error("the prediction and the simulation cannot be compared, because the panel has no steady motion: {0}")]
     NotSafe(#[from] MotionError),
     /// No force moves the place.
     #[error("the plan drives nothing: the requested peak is 0, or no actuator moves the panel at the target")]

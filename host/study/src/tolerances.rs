@@ -215,7 +215,8 @@ impl Spread {
         };
         let (all, samples) = (ends(&self.range), self.samples);
         let mut text = format!(
-            "if the panel differs from the scene by up to all tolerances below at the same time, the peak at the \
+            "if all properties below differ from the scene at the same time, each by up to its tolerance, the \
+            peak at the \
              target changes by {all} (from {samples} simulated \
              panels; the peak of a real panel may change more)"
         );

@@ -329,7 +329,7 @@ fn a_grid_has_a_limit_and_few_chunks() {
     let refused = grid("levels = 1000\n").unwrap_err();
     let told: Vec<(usize, &str)> =
         refused.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
-    let expected = "method.levels is 1000. Together with the levels and steps of the variables, this makes \
+    let expected = "method.levels = 1000, together with the levels and steps of the variables, gives \
                     1000000000000 designs, but at most 100000000 are allowed";
     assert_eq!(told, [(14, expected)]);
     let large = grid("levels = 100\n").unwrap();

@@ -58,7 +58,7 @@ fn a_scene_that_does_not_bear_it_is_told_with_what_would_do() {
         (output.error, volts.fold(0.0, f64::max))
     };
     let (warned, volts) = told("without.toml", &without);
-    assert!(warned.contains("a press of 5 N at 0.0, 100.0 mm moves the mass of \"left\""), "{warned}");
+    assert!(warned.contains("a press of 5 N at 0.0, 100.0 mm moves the mass of the actuator \"left\""), "{warned}");
     assert!(
         warned.contains("stop_um = 166") && warned.contains("stiffness_n_per_m = 32000 (in the scene, it is 5000)"),
         "{warned}"

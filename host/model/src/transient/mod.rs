@@ -146,7 +146,7 @@ pub enum TransientError {
         difference: f64,
     },
     /// A mass matrix without mass in some direction.
-    #[error("m is not positive definite: an unknown, or a combination of unknowns, has no mass")]
+    #[error("the mass matrix m is not positive definite: an unknown, or a combination of unknowns, has no mass")]
     NoMass,
     /// A number outside its range.
     #[error("{what} is {value}, but must be {min} to {max}")]

@@ -445,7 +445,7 @@ fn bad_input_is_named() {
     assert!(error(&bad).starts_with("k is not symmetric: entry (0, 1)"));
     bad = good.clone();
     bad.m[(1, 1)] = 0.0;
-    assert!(error(&bad).starts_with("m is not positive definite"));
+    assert!(error(&bad).starts_with("the mass matrix m is not positive definite"));
     bad = good.clone();
     bad.c[(1, 1)] = f64::NAN;
     assert!(error(&bad).starts_with("c has an entry"));

@@ -85,7 +85,7 @@ pub enum EffectError {
         effect: &'static str,
     },
     /// A preference for an effect that is always as strong as was asked for.
-    #[error("prefer is {}, but the effect `{effect}` has no `prefer`", prefer.name())]
+    #[error("`prefer` is {}, but the effect `{effect}` does not have this field", prefer.name())]
     PreferNotTaken {
         /// As given.
         prefer: Preference,

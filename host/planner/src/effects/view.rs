@@ -126,7 +126,14 @@ pub fn describe_segments(drive: &DesignedDrive) -> String {
         Segment::Cycles { level, count } => format!("{count} cycles at {:.2}", part(level)),
     };
     let segments: Vec<String> = drive.effect.segments.iter().map(one).collect();
-    let times =
-        if drive.effect.times > 1 { format!("; this sequence {} times", drive.effect.times) } else { String::new() };
+    let times = if drive.effect.times > 1 {
+        format!(
+            "; this sequence is played {} times in \
+        total",
+            drive.effect.times
+        )
+    } else {
+        String::new()
+    };
     segments.join(", ") + &times
 }

@@ -113,10 +113,15 @@ pub fn write_schemes_png(
     ];
     let title = match scene.surface.kind {
         SurfaceKind::Bar => {
-            format!("{}: three drive schemes; red line: lowest peak with distinct frequencies", scene.name)
+            format!(
+                "{}: three drive schemes; red line: peak at the weakest place of the scheme with distinct \
+            frequencies",
+                scene.name
+            )
         }
         SurfaceKind::Plate => format!(
-            "{}: upper row: {one}; lower row: {each}; red: peak below the lowest peak with distinct frequencies",
+            "{}: upper row: {one}; lower row: {each}; red: places weaker than the weakest place of the scheme with \
+            distinct frequencies",
             scene.name
         ),
     };

@@ -73,9 +73,10 @@ pub fn list_warnings_of_actuators_not_withstanding_press(table: &PlanTable) -> V
             )
         });
         format!(
-            "a press of {} N at {:.1}, {:.1} mm moves the mass of {:?} {how_far}, but a mass may move by at most a \
-             third of its gap of {:.0} um. The scene has no stop for this mass, but plans assume a stop. Fit a stop \
-             and set stop_um = {:.0}{springs}, or set another press force with force_n in [press]",
+            "a press of {} N at {:.1}, {:.1} mm moves the mass of the actuator {:?} {how_far}, but a mass may move by \
+            at most a third of its gap of {:.0} um. Plans assume a stop for this mass, but the scene has none. \
+            Fit a stop \
+             and set stop_um = {:.0}{springs}, or set a smaller force_n in [press]",
             table.scene.press_n,
             pressed.at_m.0 * 1e3,
             pressed.at_m.1 * 1e3,

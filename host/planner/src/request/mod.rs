@@ -194,8 +194,9 @@ pub enum PlanError {
     Cutout(PlaceError),
     /// No frequencies keep their distance, or the response is unbounded everywhere.
     #[error(
-        "there are no usable frequencies: either the band is too narrow for one frequency per actuator, at least \
-         {MIN_SPACING_HZ} Hz apart, or the response is unbounded at every frequency because the scene has no damping. \
+        "there are no usable frequencies: either the band is too narrow for one frequency per actuator with a spacing \
+        of at least {MIN_SPACING_HZ} Hz, \
+        or the response is unbounded at every frequency because the scene has no damping. \
          Use a wider band, or add damping to the scene"
     )]
     NoFrequencies,

@@ -25,7 +25,8 @@ pub fn measure_first_click_latency_armed_and_unarmed(
     points.retain(|(x_px, y_px)| scene.surface_point_at_px(*x_px, *y_px).is_ok());
     let Some(first) = points.first().copied() else {
         return Err(Failure::runtime_error(format!(
-            "none of the {clicks} chosen points is on the surface: use a larger --first-clicks"
+            "the program chose {clicks} points of the screen for the clicks, but none of these points is on the \
+            surface: use a larger --first-clicks to get more points"
         )));
     };
     let (mut armed, mut unarmed) = (Vec::new(), Vec::new());
@@ -63,7 +64,8 @@ pub fn measure_first_click_latency_armed_and_unarmed(
         }));
     }
     print_text_after_queued_log(&format!(
-        "Time from POST /v1/touch to the click on {}, with the planning of the click; {counted} clicks in each row. The \
+        "Time from POST /v1/touch until the click starts, for the scene {}; this time includes the planning of the \
+        click. Each row is for {counted} clicks. The \
          board was idle before every click. The daemon and the simulated device ran in one process.\n\
          before the click                   median      p99      max\n\
          rails charged by POST /v1/arm   {armed}\n\

@@ -202,7 +202,7 @@ fn print_summary_and_fail_if_unanswered_or_lost(
     let mut told: Vec<String> = otherwise.iter().take(TOLD).map(ChangedAnswer::format_line).collect();
     if otherwise.len() > TOLD {
         told.push(format!(
-            "  and {} more requests: use --json, which lists all of them in `otherwise`",
+            "  and {} more requests: with --json, the field `otherwise` lists all of them",
             otherwise.len() - TOLD
         ));
     }

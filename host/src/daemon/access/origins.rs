@@ -54,8 +54,8 @@ fn check_scheme_has_origins(scheme: &str) -> Result<(), String> {
         "ws" | "wss" => {
             let page = if scheme == "ws" { "http" } else { "https" };
             Err(format!(
-                "{ORIGIN}; for a live socket, give the origin of the page that opens the socket, which begins \
-                         with {page}://"
+                "{ORIGIN}; for a live socket (WebSocket), give the origin of the page that opens the socket: this \
+                origin begins with {page}://"
             ))
         }
         "about" | "blob" | "data" | "ftp" | "javascript" => {

@@ -129,8 +129,8 @@ impl Access {
                 }
                 (Some(_), None) => {
                     return Err(format!(
-                        "line {number}: the secret must have at least {MIN_SECRET} characters, each a letter, a digit or one of \
-                         '-', '_', '.' and '~' (letters without accents)"
+                        "line {number}: the secret must have at least {MIN_SECRET} characters, each a letter without \
+                        an accent, a digit or one of '-', '_', '.' and '~'"
                     ));
                 }
                 _ => {

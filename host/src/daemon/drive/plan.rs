@@ -59,7 +59,8 @@ impl TouchDriver {
             Ok(trade) => trade,
             Err(problem) => {
                 tracing::info!(
-                    "the answer to the touch request has no field `trade`, because the alternatives could not be computed: {}",
+                    "the answer to the touch request has no field `trade`, because the alternative plans (for wishes \
+                    that conflict) could not be computed: {}",
                     problem.detail()
                 );
                 None

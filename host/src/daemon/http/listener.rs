@@ -474,7 +474,7 @@ pub fn find_or_make_certificate(folder: &Path, names_for_new_certificate: &[Stri
         return Err(unwritten(&files.certificate)(source));
     }
     tracing::info!(
-        "made the certificate {}: clients on other machines must trust this certificate",
+        "the daemon has made the certificate {}: make the clients on other machines trust this certificate",
         files.certificate.display()
     );
     Ok(files)

@@ -317,7 +317,7 @@ async fn serve_page_socket(
             // By its own clock: a page that only answers pings is heard just after one, and at the third from there a little is left.
             () = tokio::time::sleep_until(heard + app.limits.silence) => {
                 tracing::info!(
-                    "closing a live socket: the page sent nothing for {:?}, not even the answer to a ping",
+                    "closing the WebSocket of a page: the page sent nothing for {:?}, not even the answer to a ping",
                     app.limits.silence
                 );
                 break Some(closing::close_frame_for_silence(app.limits.silence));

@@ -160,7 +160,7 @@ async fn send_within_time_limit(sink: &mut SplitSink<WebSocket, Message>, messag
             false
         }
         Err(_) => {
-            tracing::info!("closing a live socket: the page did not read the daemon's messages in time");
+            tracing::info!("closing the WebSocket of a page: the page did not read the daemon's messages in time");
             false
         }
     }

@@ -228,8 +228,8 @@ impl SessionWorker {
             return Ok(());
         }
         tracing::warn!(
-            "the daemon clears the fault that the device latched because this host sent nothing for longer \
-                        than the dead-man time (--clear-silence)"
+            "the device latched a fault, because this host sent nothing for longer than the dead-man time; the daemon \
+            clears this fault (--clear-silence)"
         );
         self.clear_latched_fault_or_refuse_other_code(Some(FaultCode::HostSilent))?;
         self.publish.send_modify(|snapshot| snapshot.cleared += 1);

@@ -86,11 +86,12 @@ pub enum SessionError {
         reason: String,
     },
     /// Everything was stopped after this drive had been asked for.
-    #[error("a stop ended this request before it was completed")]
+    #[error("a stop command ended this request before its completion")]
     Stopped,
     /// The device went off, faulted or was away after this drive had been asked for.
     #[error(
-        "the device has switched its high voltage off, reported a fault or had an outage since this request arrived"
+        "this request was not completed, because the device switched its high voltage off, reported a fault or had an \
+        outage after the request arrived"
     )]
     Broken,
     /// The session has ended.

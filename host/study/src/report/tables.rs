@@ -201,10 +201,10 @@ pub(super) fn write_accuracy_convergence_and_failures_html(
     finals: &VerifiedFinalists,
 ) -> String {
     let mut html = format!(
-        "<p>All designs got a {} evaluation (first value). The scene itself and the best designs were then computed \
-         again, with models for a relative tolerance of {:.0e} (computed again). The last column is an upper bound of \
-         the relative error of the model. This bound is known for the strongest peak at the weakest place, for \
-         frequencies of modes and for sag_um; for other figures the program computes no bound.</p>\n\
+        "<p>All designs got a {} evaluation (column \"first value\"). The scene itself and the best designs were then \
+        computed again with models for a relative tolerance of {:.0e} (column \"computed again\"). The last column is \
+        an upper bound of the relative error of the model. The program computes this bound only for the strongest \
+        peak at the weakest place, for frequencies of modes and for sag_um.</p>\n\
          <table>\n<tr><th>design</th><th>figure</th><th>first value</th><th>computed \
          again</th><th>difference</th><th>error at most</th></tr>\n",
         if study.spec.method.thorough { "thorough" } else { "quick" },
@@ -275,10 +275,7 @@ fn write_improvement_by_last_quarter_html_or_empty_unless_one_wish(study: &Study
             format_four_significant_digits_or_no_value_if_nan(wish.goal.loss_of_figure(last))
         )
     } else {
-        format!(
-            "<p>No design in the last quarter of the designs has a better {name} than the best design \
-                 before.</p>\n"
-        )
+        format!("<p>No design in the last quarter has a better {name} than the best of the earlier designs.</p>\n")
     }
 }
 

@@ -43,8 +43,8 @@ fn report_grid_with_too_many_designs(method: &TomlSection<'_, '_>, spec: &StudyS
     // What cannot be counted is the largest number.
     let count = if designs == usize::MAX { "too many".to_owned() } else { designs.to_string() };
     let text = format!(
-        "method.levels is {}. Together with the levels and steps of the variables, this makes {count} designs, but at \
-         most {MOST_DESIGNS} are allowed",
+        "method.levels = {}, together with the levels and steps of the variables, gives {count} designs, but at most \
+        {MOST_DESIGNS} are allowed",
         spec.method.levels
     );
     method.mistake_report().add_mistake_at(&method.byte_range_of_value_or_section("levels"), text);
