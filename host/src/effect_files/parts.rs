@@ -94,8 +94,8 @@ pub fn cut_events_into_parts(list: &EventList) -> Result<(Vec<Part>, Vec<String>
     }
     if interrupted > 0 {
         warnings.push(format!(
-            "a vibration stops for {CLICK_MS} ms at each pulse, because the board plays one event at a time; number of \
-             these interruptions: {interrupted}"
+            "interruptions of a vibration: {interrupted}. A vibration stops for {CLICK_MS} ms at each pulse, because the \
+             board plays one event at a time"
         ));
     }
     let mut tolerance = TOLERANCE;
@@ -150,8 +150,7 @@ fn choose_pulses(list: &EventList, warnings: &mut Vec<String>) -> Vec<Part> {
     }
     if left_out > 0 {
         warnings.push(format!(
-            "number of pulses left out, because a stronger pulse is less than {CLICK_MS} ms away: \
-                               {left_out}"
+            "pulses left out: {left_out}. A stronger pulse is less than {CLICK_MS} ms away from each of them"
         ));
     }
     // A stronger one that took an earlier one's place may be too close to the next.
@@ -219,8 +218,7 @@ fn draw_curves(list: &EventList, warnings: &mut Vec<String>) -> Result<Vec<Curve
     }
     if elsewhere > 0 {
         warnings.push(format!(
-            "number of vibrations left out, because the effect already has a vibration at another place \
-                           at the same time: {elsewhere}"
+            "vibrations left out: {elsewhere}. At their time, the effect already has a vibration at another place"
         ));
     }
     if clipped {
@@ -387,10 +385,7 @@ mod tests {
         assert_eq!(kinds, [(20, Some(PulseKind::Click)), (100, None), (200, Some(PulseKind::Thud)), (250, None)]);
         assert_eq!((played(&parts, 199), played(&parts, 220), played(&parts, 260)), (1.0, 0.0, 1.0));
         let said = warnings.join("\n");
-        assert!(
-            said.contains("is less than 50 ms away: 1") && said.contains("number of these interruptions: 1"),
-            "{said}"
-        );
+        assert!(said.contains("pulses left out: 1.") && said.contains("interruptions of a vibration: 1."), "{said}");
     }
 
     #[test]

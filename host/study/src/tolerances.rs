@@ -215,10 +215,9 @@ impl Spread {
         };
         let (all, samples) = (ends(&self.range), self.samples);
         let mut text = format!(
-            "if all properties below differ from the scene at the same time, each by up to its tolerance, the \
-            peak at the \
-             target changes by {all} (from {samples} simulated \
-             panels; the peak of a real panel may change more)"
+            "the peak at the target changes by {all} if the properties below deviate from the scene at the same time, \
+             each by up to its tolerance (estimate from {samples} simulated panels; the peak of a real panel may change \
+             more)"
         );
         for OneTolerance { what, range } in &self.of {
             let _ = write!(text, "\n  {} alone, changed by up to {}: {}", what.name(), by(*what), ends(range));

@@ -341,7 +341,11 @@ fn build_row_of_clicks(name: &str, places: usize, clicked: &[ClickAtPlace]) -> V
         format!("{:.1} ms", 1e3 * median_of(&|own| Some(own.click.measures.quiet_s.unwrap_or(f64::INFINITY)))),
         format!("{:.2} g", least_of(&peak_g)),
         format!("{:.2} g", least_of(&bound_g)),
-        format!("{:.2}", least_of(&|own| peak_g(own) / bound_g(own).min(ASKED_G))),
+        format!(
+            "{:.2}",
+            least_of(&|own| peak_g(own)
+                / own.click.best_possible.map_or(ASKED_G, |bound| (bound / STANDARD_GRAVITY).min(ASKED_G)))
+        ),
         format!("{:.1} dB", median_of(&|own| own.click.measures.pulse_to_ring_db)),
         format!("{:.2} dB/ms", median_of(&|own| own.click.measures.sharpness_db_per_ms_if_pulse_to_ring_ratio_known())),
         format!("{:.1} dB", median_of(&|own| own.click.surface.map(|surface| surface.contrast_db))),

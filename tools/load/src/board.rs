@@ -4,13 +4,16 @@ use crate::error::Error;
 use era::device::sim::{SimBoard, SimControl, SimDevice, SimPanel};
 use era::model::{Accuracy, PanelModel};
 use era::planner::{PlanTable, STANDARD_GRAVITY, TableOptions};
-use era::scene::{STARTING_PLATE, Scene};
+use era::scene::{EXAMPLE_PLATE, Scene};
 use serialport::{SerialPort, TTYPort};
 use std::io::{ErrorKind, Read, Write};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
+
+/// The scene of the simulated panel, which the daemon under load is started with: windows that are planned for one panel say nothing on another.
+pub const PANEL_SCENE: &str = EXAMPLE_PLATE;
 
 /// How long a thread of the line waits for bytes before it looks whether it is still wanted.
 const LOOK: Duration = Duration::from_millis(2);
@@ -154,19 +157,19 @@ impl Bench {
 }
 
 fn start_device() -> Result<(SimDevice, PlanTable), Error> {
-    let table = build_plan_table_of_starting_plate()?;
+    let table = build_plan_table_of_simulated_panel()?;
     let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
     let device = SimDevice::start_with_board_id(SimPanel::from_plan_table(&table), volts, SimBoard::ID);
     Ok((device.map_err(Error::system_error("no pseudo-terminal"))?, table))
 }
 
-/// What is planned with for the starting plate, on which the figures of the manual for the daemon were measured.
+/// What is planned with for the panel of [`PANEL_SCENE`].
 ///
 /// # Errors
 /// [`Error::Scene`].
-pub fn build_plan_table_of_starting_plate() -> Result<PlanTable, Error> {
+pub fn build_plan_table_of_simulated_panel() -> Result<PlanTable, Error> {
     let wrong = |error: &dyn std::fmt::Display| Error::Scene(error.to_string());
-    let scene = Scene::parse("starting plate", STARTING_PLATE).map_err(|error| wrong(&error))?;
+    let scene = Scene::parse("example plate", PANEL_SCENE).map_err(|error| wrong(&error))?;
     let options = TableOptions::default();
     let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz)
         .map_err(|error| wrong(&error))?

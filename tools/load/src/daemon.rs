@@ -1,5 +1,6 @@
 //! `era serve` as a process of its own: started, stopped for a while, killed, and what it takes of the machine.
 
+use crate::board::PANEL_SCENE;
 use crate::error::Error;
 use crate::http::{Endpoint, Http};
 use std::io::{BufRead, BufReader};
@@ -55,8 +56,11 @@ impl Daemon {
     /// # Errors
     /// [`Error::System`], [`Error::NoDaemon`].
     pub fn start(setup: &DaemonSetup) -> Result<Self, Error> {
+        let scene = setup.socket.with_file_name("scene.toml");
+        std::fs::write(&scene, PANEL_SCENE)
+            .map_err(Error::system_error(format!("cannot write {}", scene.display())))?;
         let mut command = Command::new(&setup.program);
-        command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", "fast"]);
+        command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", "fast"]).arg("--scene").arg(&scene);
         if setup.clears_silence {
             command.arg("--clear-silence");
         }

@@ -34,6 +34,8 @@ const PEAKS_S: [f64; 2] = [0.012, 0.0145];
 const CRISP: [f64; 2] = [0.085, 0.15];
 /// The same where a crisp click is too weak and strength is preferred, one after the other.
 const LESS_CRISP: [[f64; 2]; 2] = [[0.4, 0.6], [1.0, 1.1]];
+/// How many times as strong as a click that peaks or is quiet sooner one has to be to be preferred: what fingers hardly notice is not waited for.
+const WORTH_WAITING: f64 = 1.05;
 /// How many times as strong as the crisp click one has to be that rings: fingers notice that a vibration is 10 to 30 % stronger.
 const WORTH_RINGING: f64 = 1.25;
 /// Part of the motion's peak before it is quiet, on the panel and on panels off it.
@@ -116,14 +118,15 @@ impl ClickDesigner<'_> {
         solved.map_or(0.0, |(_, strongest)| strongest.goal)
     }
 
-    /// The first click of those tried that is what was asked for, or the best of them. Of most of them the linear programme says that they
-    /// are too weak, and only the best of those is worked out.
+    /// The first click of those tried that is what was asked for, or the best of them: quiet soon, then quiet in time, then one that rings. Of most
+    /// of them the linear programme says that they are too weak, and only the best of those is worked out.
     pub fn design_click_for_peak_or_best_weaker_if_solved(&self, asked: f64) -> Option<BuiltClick> {
         if asked <= 0.0 {
             return Some(self.build(&[], &[0.0; RAILS], (Vec::new(), Lacks::default())));
         }
         let crisp_s = self.options.crisp_s - SPARE_S;
         let is_strong_and_crisp = |found: &JudgedClick| found.is_crisp && found.peak >= STRONG_ENOUGH;
+        let is_whole = |found: &JudgedClick| found.is_crisp && found.peak >= NEARLY_WHOLE;
         let soon = self.choose_least_force_pushes_for_asked_or_largest_reachable_peak(
             asked,
             motion_bounds_if_peak_precedes_quiet(PEAKS_S[0], SOON_QUIET_S.min(crisp_s), CRISP),
@@ -132,7 +135,8 @@ impl ClickDesigner<'_> {
         let soon = soon.and_then(|chosen| {
             self.build_click_of_pushes_or_weaker_one_if_not_good(asked, chosen, is_strong_and_crisp)
         });
-        if let Some(found) = soon.filter(is_strong_and_crisp) {
+        let mut best = soon.filter(is_strong_and_crisp);
+        if let Some(found) = best.take_if(|found| is_whole(found)) {
             return Some(found.built);
         }
         let chosen = |peak_s: f64| {
@@ -144,9 +148,9 @@ impl ClickDesigner<'_> {
         let mut crisp: Vec<ChosenPushes> = PEAKS_S.into_iter().filter_map(chosen).collect();
         // The earlier peak is preferred to one that is hardly stronger.
         crisp.sort_by(|a, b| b.reached.min(NEARLY_WHOLE).total_cmp(&a.reached.min(NEARLY_WHOLE)));
-        let mut best: Option<JudgedClick> = None;
         for chosen in crisp {
-            if best.as_ref().is_some_and(|best| best.is_crisp && best.peak >= chosen.reached.min(STRONG_ENOUGH)) {
+            let reached = chosen.reached.min(NEARLY_WHOLE);
+            if best.as_ref().is_some_and(|best| best.is_crisp && WORTH_WAITING * best.peak >= reached) {
                 break;
             }
             let Some(found) =
@@ -154,7 +158,11 @@ impl ClickDesigner<'_> {
             else {
                 continue;
             };
-            best = Some(best.map_or_else(|| found.clone(), |best| best.or_better(&found)));
+            best = Some(match best {
+                Some(sooner) if sooner.is_crisp && WORTH_WAITING * sooner.peak >= found.peak.min(1.0) => sooner,
+                Some(other) => other.or_better(&found),
+                None => found,
+            });
         }
         if let Some(best) = &best
             && best.is_crisp

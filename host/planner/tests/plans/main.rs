@@ -1,6 +1,7 @@
 //! Plans and tables against closed formulas, all combinations, and each other.
 
 mod clicks;
+mod clicks_everywhere;
 mod drive_schemes;
 mod finger;
 mod harmonics;

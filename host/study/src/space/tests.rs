@@ -101,8 +101,11 @@ fn tables_of_lists_take_nothing_but_tables() {
     hold(
         &error,
         &[
-            (4, "support[1] leads to a table: extend the path to a key of this table, or give tables as `values`"),
-            (8, "actuator.* leads to a table"),
+            (
+                4,
+                "support[1] is the path of a table, not of a single value: add a key of this table to the path, or make each entry of `values` a table",
+            ),
+            (8, "actuator.* is the path of a table"),
         ],
     );
 }

@@ -55,7 +55,10 @@ pub enum PathError {
         hint: String,
     },
     /// It ends at a table of a list, for which a value is no table.
-    #[error("{path} leads to a table: extend the path to a key of this table, or give tables as `values`")]
+    #[error(
+        "{path} is the path of a table, not of a single value: add a key of this table to the path, or make each \
+    entry of `values` a table"
+    )]
     Table {
         /// As written.
         path: String,

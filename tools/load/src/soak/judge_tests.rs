@@ -9,13 +9,12 @@ use super::ledger::{FaultKind, FaultLedger};
 use super::tally::Tally;
 use super::world::SoakState;
 use super::{Options, clients, make_report, run_until_end_with_faults_if_enabled_failing_if_daemon_ends};
-use crate::board::{Bench, Direction, build_plan_table_of_starting_plate};
+use crate::board::{Bench, Direction, PANEL_SCENE, build_plan_table_of_simulated_panel};
 use crate::daemon::{Daemon, DaemonSetup, MemoryThreadsAndHandles};
 use era::daemon::{Access, App, BackgroundDaemon};
 use era::device::session::policy::SessionPolicy;
 use era::device::sim::{Mistakes, SimKnobs};
 use era::device::{OpenDevice, Target};
-use era::scene::STARTING_PLATE;
 use fastrand::Rng;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener};
@@ -60,9 +59,9 @@ fn verdict_on_board(mistakes: Mistakes, act: impl FnOnce(&mut Faults<'_>)) -> Op
         OpenDevice::new_unconnected_for_serial_or_auto(&Target::Serial(path.to_str().unwrap().into())).unwrap();
     let policy = SessionPolicy { clears_silence: true, arms_after_outage: true, ..SessionPolicy::default() };
     let app = App::start_session_with_policy_and_access(
-        build_plan_table_of_starting_plate().unwrap(),
+        build_plan_table_of_simulated_panel().unwrap(),
         device,
-        STARTING_PLATE.into(),
+        PANEL_SCENE.into(),
         policy,
         Access::default(),
     )
