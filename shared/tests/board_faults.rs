@@ -35,7 +35,7 @@ fn a_fault_of_the_board_itself_lasts_as_long_as_it_is_there() {
 
 /// A loop that is not closed tells its level, in the self-test and while the board is live.
 #[test]
-fn a_loop_that_is_not_closed_tells_its_level() {
+fn a_loop_that_is_not_closed_reports_its_level() {
     type Open = fn(&mut support::FakeBoard);
     let loops: [(Open, FaultCode, u32); 2] = [
         (|board| board.interlock_closed = false, FaultCode::InterlockOpen, 3_300),

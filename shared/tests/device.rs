@@ -277,7 +277,7 @@ fn effects_are_played_from_a_queue() {
 }
 
 #[test]
-fn the_clock_the_log_and_the_details_are_told() {
+fn the_clock_the_log_and_the_details_are_reported() {
     let mut bench = Bench::new();
     let now_us = bench.board.now_us;
     assert_eq!(bench.send_request(&Request::Clock), Reply::Clock { now_us });
@@ -401,7 +401,7 @@ fn failing_hardware_ends_off_with_the_reason() {
 }
 
 #[test]
-fn a_fault_from_before_the_reset_is_told() {
+fn a_fault_from_before_the_reset_is_reported() {
     let mut bench = Bench::new();
     bench.board.info.fault_before_reset = Some((FaultCode::Panic, 77));
     bench.board.info.failure = "panicked at src/main.rs:77".try_into().unwrap();

@@ -82,7 +82,7 @@ fn weak_strokes_never_run_out_and_strong_ones_do() {
 }
 
 #[test]
-fn the_credit_is_told_with_what_it_is_charged_by() {
+fn the_credit_is_reported_with_what_it_is_charged_by() {
     let mut bench = Bench::new();
     bench.send_request(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
     bench.wait_ms(20);

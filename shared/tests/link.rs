@@ -89,7 +89,7 @@ proptest! {
 
 /// A port is closed once for each time that it was open, whatever else of its line changes; and it is this port's link that has another program then.
 #[test]
-fn a_port_that_was_open_is_told_to_be_closed_once() {
+fn a_port_that_was_open_is_reported_to_be_closed_once() {
     for link in 0..3 {
         let mut port = PortWatch::new(link);
         let told: Vec<Option<usize>> = [false, true, true, false, false, true, false]

@@ -34,7 +34,7 @@ fn a_host_of_version_2_is_answered_in_its_words() {
 }
 
 #[test]
-fn a_foreign_version_is_told_both_versions() {
+fn both_versions_are_reported_to_a_foreign_version() {
     let mut bench = Bench::new();
     for (got, answered_in) in [(0_u8, MIN_VERSION), (CURRENT_VERSION + 1, CURRENT_VERSION), (255, CURRENT_VERSION)] {
         let mut frame = [0; MAX_ENCODED];

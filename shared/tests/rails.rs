@@ -53,7 +53,7 @@ fn safe_is_only_said_of_rails_that_were_measured() {
 }
 
 #[test]
-fn a_rail_that_stays_charged_is_told_whatever_came_first() {
+fn a_rail_that_stays_charged_is_reported_whatever_came_first() {
     let mut bench = Bench::new();
     bench.arm_and_await_armed();
     bench.send_request(&make_two_drives_request());

@@ -283,7 +283,7 @@ const CHARGED: SupplyCommand =
 /// of 20 % for capacitances and 5 % for resistances: what is sound passes with two steps of the converter (1.2 V) to spare, and what is
 /// open or shorted does not, with as much to spare.
 #[test]
-fn pulses_tell_a_sound_electrode_from_an_open_and_a_shorted_one() {
+fn pulses_distinguish_a_sound_electrode_from_an_open_and_a_shorted_one() {
     let verdict = |from: f64, left: f64, by: f64| {
         let pulses = ElectrodePulses {
             after_first_millivolts: (from * 1e3) as u32,

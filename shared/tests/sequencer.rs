@@ -159,7 +159,7 @@ fn a_click_has_its_cycles_and_its_brake() {
         timers.set_drives(&[make_drive(0, frequency_millihertz, 0)], false);
         timers.run_ms(50);
         assert!(timers.pulses[0].is_empty(), "prepared is silent");
-        assert!(timers.model.sequencer.queue_effect_if_goal_and_room(
+        assert!(timers.model.sequencer.queue_effect_if_goal_and_queue_not_full(
             0,
             timers.now_us + 7_300,
             &Effect::new_click(3, 2)
@@ -182,7 +182,11 @@ fn ramps_widen_and_trains_pulse() {
     let mut timers = Timers::new();
     timers.set_drives(&[make_drive(0, 200_000, 0)], false);
     timers.run_ms(5);
-    assert!(timers.model.sequencer.queue_effect_if_goal_and_room(0, timers.now_us, &Effect::new_swell(50, 20, 50)));
+    assert!(timers.model.sequencer.queue_effect_if_goal_and_queue_not_full(
+        0,
+        timers.now_us,
+        &Effect::new_swell(50, 20, 50)
+    ));
     timers.run_ms(150);
     let widths: Vec<u64> = timers.pulses[0].iter().map(|pulse| pulse.to - pulse.from).collect();
     let top = widths.iter().position(|width| width == widths.iter().max().unwrap()).unwrap();
@@ -197,7 +201,7 @@ fn ramps_widen_and_trains_pulse() {
     let half = force(widths[2 * 4]) / force(widths[top]);
     assert!((half - 0.45).abs() < 0.06, "{half}");
     timers.clear_recorded_pulses();
-    assert!(timers.model.sequencer.queue_effect_if_goal_and_room(
+    assert!(timers.model.sequencer.queue_effect_if_goal_and_queue_not_full(
         0,
         timers.now_us,
         &Effect::new_pulse_train(20, 30, 3)
@@ -220,19 +224,22 @@ fn effects_are_checked_and_queued_in_order() {
     }
     let mut timers = Timers::new();
     assert!(
-        !timers.model.sequencer.queue_effect_if_goal_and_room(0, timers.now_us, &Effect::new_click(1, 0)),
+        !timers.model.sequencer.queue_effect_if_goal_and_queue_not_full(0, timers.now_us, &Effect::new_click(1, 0)),
         "no drive"
     );
     timers.set_drives(&[make_drive(0, 500_000, 0)], false);
     let now_us = timers.now_us;
     for (start_ms, cycles) in [(90, 4), (30, 2), (60, 3), (10, 1)] {
-        assert!(timers.model.sequencer.queue_effect_if_goal_and_room(
+        assert!(timers.model.sequencer.queue_effect_if_goal_and_queue_not_full(
             0,
             now_us + 1000 * start_ms,
             &Effect::new_click(cycles, 0)
         ));
     }
-    assert!(!timers.model.sequencer.queue_effect_if_goal_and_room(0, now_us, &Effect::new_click(1, 0)), "four wait");
+    assert!(
+        !timers.model.sequencer.queue_effect_if_goal_and_queue_not_full(0, now_us, &Effect::new_click(1, 0)),
+        "four wait"
+    );
     timers.run_ms(200);
     let starts: Vec<u64> = timers.pulses[0].iter().map(|pulse| pulse.from / 170_000).collect();
     assert_eq!(starts.len(), 2 * (1 + 2 + 3 + 4));

@@ -103,7 +103,7 @@ fn a_table_that_is_level_is_one_number() {
 }
 
 #[test]
-fn a_wrong_table_is_told_with_what_is_allowed() {
+fn a_wrong_table_is_reported_with_what_is_allowed() {
     let text = |table: &str| bar_text_error(table);
     for table in [
         "[]",

@@ -429,7 +429,7 @@ mod tests {
     }
 
     #[test]
-    fn channels_without_an_actuator_and_faults_are_told() {
+    fn channels_without_an_actuator_and_faults_are_reported() {
         let channel = |name: Option<&str>| json!({"actuator": name, "active": false});
         let fault = json!({"code": 0, "name": "host-silent", "message": "Check the cable."});
         let state = json!({
@@ -445,7 +445,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_board_that_is_gone_nothing_is_told_as_if_it_were_there() {
+    fn of_a_board_that_is_gone_nothing_is_reported_as_if_it_were_there() {
         let device =
             json!({"kind": "serial", "port": "/dev/ttyACM0", "state": null, "connected": false, "problem": "silent"});
         let text = format_state(&json!({"device": device, "telemetry": null}));
@@ -453,7 +453,7 @@ mod tests {
     }
 
     #[test]
-    fn an_effect_is_told_with_its_own_drives() {
+    fn an_effect_is_reported_with_its_own_drives() {
         let drive = |volts: f64| json!([{"actuator": "left", "frequency_hz": 268.0, "voltage_v": volts}]);
         let mut answer = json!({
             "drives": drive(911.9), "predicted": {"target_peak_g": 0.5, "contrast_db": 2.5}, "device": {},

@@ -122,7 +122,7 @@ mod tests {
     use crate::model::compute_modes_with_error_bounds;
 
     #[test]
-    fn every_step_and_every_part_is_told() {
+    fn every_step_and_every_part_is_reported() {
         let scene = Scene::parse("bar", crate::scene::EXAMPLE_BAR).unwrap();
         let found = compute_modes_with_error_bounds(&scene, Accuracy::BALANCED, 300.0).unwrap();
         let text = explain_model_scope_and_mesh_accuracy(&scene, Accuracy::BALANCED, &found.steps);

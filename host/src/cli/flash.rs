@@ -45,7 +45,7 @@ pub fn run_flash(options: &Flash) -> CommandResult {
         path.display()
     );
     let job = FlashJob { options, path, image };
-    let way = job.choose_requested_way_or_probe_if_usable_else_dfu()?;
+    let way = job.choose_requested_route_or_probe_if_usable_else_dfu()?;
     let board = job.open_idle_board_unless_none_runs_firmware(way)?;
     let (before, first_stage_replaced) = match way {
         FlashRoute::Probe => (job.ask_and_flash_by_probe_and_get_previous_firmware(board)?, None),
@@ -84,7 +84,7 @@ struct FlashJob<'a> {
 
 impl FlashJob<'_> {
     /// A probe, if there is one; else USB.
-    fn choose_requested_way_or_probe_if_usable_else_dfu(&self) -> Result<FlashRoute, Failure> {
+    fn choose_requested_route_or_probe_if_usable_else_dfu(&self) -> Result<FlashRoute, Failure> {
         if self.options.dfu {
             return Ok(FlashRoute::Dfu);
         }

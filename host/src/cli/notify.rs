@@ -64,7 +64,7 @@ mod tests {
 
     /// Nothing is told of what is not alive; it is asked on, as it may come back.
     #[test]
-    fn the_watchdog_hears_of_life_only() {
+    fn the_watchdog_gets_signs_of_life_only() {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
         let (asked, told) = (Arc::new(AtomicU32::new(0)), Arc::new(AtomicU32::new(0)));
         let (asks, tells) = (Arc::clone(&asked), Arc::clone(&told));

@@ -372,7 +372,7 @@ fn describe_level_or_none_as_not_felt(level_db_unless_at_rest: Option<f64>, thre
 }
 
 /// Harmonics are told from this part of the peak on.
-const HARMONICS_PART: f64 = 1e-9;
+const HARMONICS_FRACTION: f64 = 1e-9;
 
 fn write_predicted_motion_times_and_optimality(text: &mut String, plan: &Plan, details: &FirstTargetReport) {
     let _ = write!(text, "\nwith the forces at the actual gaps: {:.3} g at the target", plan.predicted.softened_peak_g);
@@ -383,7 +383,7 @@ fn write_predicted_motion_times_and_optimality(text: &mut String, plan: &Plan, d
     );
     let _ = write!(text, "; the peak including harmonics is at most {:.3} g", details.waveform_peak_g);
     // Less is rounding.
-    if details.harmonics_g > HARMONICS_PART * details.waveform_peak_g {
+    if details.harmonics_g > HARMONICS_FRACTION * details.waveform_peak_g {
         let _ = write!(
             text,
             " (the strongest harmonic is {}",
@@ -474,7 +474,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn levels_are_told_as_far_as_they_say_something() {
+    fn levels_are_reported_as_far_as_they_say_something() {
         assert_eq!(describe_level_or_none_as_not_felt(Some(21.7), "its threshold"), "21.7 dB above its threshold");
         assert_eq!(
             describe_level_or_none_as_not_felt(Some(-6.0), "its threshold"),

@@ -56,7 +56,7 @@ mod tests {
     use crate::scene::{EXAMPLE_BAR, Scene};
 
     #[test]
-    fn everything_asked_for_is_told() {
+    fn everything_asked_for_is_reported() {
         let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
         let options = TableOptions::for_preview();
         let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();

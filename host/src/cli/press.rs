@@ -49,7 +49,7 @@ fn describe_missing_press_error_bounds_by_reason(table: &PlanTable) -> Vec<Strin
 fn format_press_travel_per_actuator(table: &PlanTable) -> String {
     let mut text = format!(
         "{}: effect of a press of {} N at the point where the press moves the mass of each actuator furthest\n\
-         \x20actuator       x, y in mm      alone   error at most      sag   error at most  end stop        \
+         \x20actuator       x, y in mm      alone   error at most      sag   error at most  stop            \
          remaining gap safe up to\n",
         table.scene.name, table.scene.press_n
     );
@@ -84,8 +84,8 @@ fn format_press_travel_per_actuator(table: &PlanTable) -> String {
         let _ = writeln!(text, "{line}");
     }
     text.push_str(
-        "Alone: travel of the mass with no voltage and no end stop. Sag: travel with the end stop and with the pull \
-         of the electrodes at the highest voltages. Assumed: the scene has no end stop for this mass, and plans assume \
+        "Alone: travel of the mass with no voltage and no stop. Sag: travel with the stop and with the pull \
+         of the electrodes at the highest voltages. Assumed: the scene has no stop for this mass, and plans assume \
          one. Safe up to: highest voltage, within the voltage limits of the scene, at which the air in the remaining \
          gap does not break down.",
     );

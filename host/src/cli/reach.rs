@@ -162,7 +162,7 @@ pub fn compare_drive_schemes_and_write_result(options: &Field) -> CommandResult 
     text.push_str(
         "\n(10th percentile: 10 % of the surface has a lower peak; dead: percentage of the surface with a peak below a \
          tenth of the largest peak; weaker: percentage of the surface with a peak below the lowest peak \
-         of the first scheme)\n",
+         of the scheme with distinct frequencies)\n",
     );
     text.push_str(&format_scheme_settings(&schemes, measure));
     text.push_str(&describe_first_bending_mode_and_why_one_frequency_wins_if_so(&schemes, first_bending_hz));

@@ -2,7 +2,7 @@
 
 use crate::connection::HostPort;
 use crate::scene::MOST_PRESS_N;
-use crate::study::tolerances::{MOST_MM, MOST_PART, Tolerances};
+use crate::study::tolerances::{MAX_FRACTION, MOST_MM, Tolerances};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -148,7 +148,7 @@ pub fn parse_tolerances_of_springs_modulus_thickness_and_places(text: &str) -> R
     let allowed = || {
         format!(
             "must be four numbers, separated by commas, the largest deviations of the spring stiffness, of Young's \
-            modulus and of the thickness (each as a fraction, 0 to {MOST_PART}), and of the position of the actuators \
+            modulus and of the thickness (each as a fraction, 0 to {MAX_FRACTION}), and of the position of the actuators \
             and supports (in mm, 0 to {MOST_MM})"
         )
     };

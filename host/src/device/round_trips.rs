@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_64_are_told_of() {
+    fn the_last_64_are_reported() {
         let mut last = RoundTripHistory::default();
         last.add_round_trip(Duration::from_secs(9));
         (0..64).for_each(|_| last.add_round_trip(Duration::from_millis(2)));

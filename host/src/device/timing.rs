@@ -103,7 +103,7 @@ mod tests {
     use era_shared::limits::DEADMAN_DEFAULT_MS;
 
     #[test]
-    fn a_loss_is_told_in_time_with_some_to_spare() {
+    fn a_loss_is_reported_in_time_with_some_to_spare() {
         let LinkTiming { retry_policy, keep_alive, .. } = REAL_TIME;
         // A sign of life has some 15 bytes.
         let told = keep_alive + retry_policy.doubt + uart_time_for_bytes(15);

@@ -32,7 +32,7 @@ pub fn ask_board(path: &str) -> PortAnswer {
         })
     });
     match asked {
-        Ok(Ok(heard)) => PortAnswer::Heard(heard),
+        Ok(Ok(heard)) => PortAnswer::Answered(heard),
         Ok(Err(error @ LinkError::Version { .. })) => PortAnswer::Version(error.to_string()),
         Ok(Err(error)) => PortAnswer::Silent(describe_link_error_and_name_programs_on_port(path, &error)),
         Err(error) => PortAnswer::Failed(error.to_string()),

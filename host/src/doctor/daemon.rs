@@ -53,7 +53,7 @@ pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, way: Dae
                     | ureq::Error::Timeout(ureq::Timeout::Connect),
                 ) => Daemon::Absent,
                 (None, ureq::Error::Io(error)) if means_refused_unreachable_or_unknown_host(error) => Daemon::Absent,
-                (None, error) => Daemon::Stranger(error.to_string()),
+                (None, error) => Daemon::OtherProgram(error.to_string()),
             };
         }
     };
@@ -64,15 +64,15 @@ pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, way: Dae
         return Daemon::Hidden { found, advice };
     }
     let Ok(state) = answer.body_mut().read_json::<Value>() else {
-        return Daemon::Stranger(format!("the status of its answer is {status}, and the answer is not JSON"));
+        return Daemon::OtherProgram(format!("the status of its answer is {status}, and the answer is not JSON"));
     };
     if matches!(status.as_u16(), 401 | 403) {
         return Daemon::Guarded(parse_string(&state["detail"]).unwrap_or_else(|| status.to_string()));
     }
     if !status.is_success() {
-        return Daemon::Stranger(format!("the status of its answer is {status}"));
+        return Daemon::OtherProgram(format!("the status of its answer is {status}"));
     }
-    parse_daemon_state_or_stranger(&state)
+    parse_daemon_state_or_other_program(&state)
 }
 
 /// Whether nobody took the connection.
@@ -87,12 +87,12 @@ fn means_refused_unreachable_or_unknown_host(error: &std::io::Error) -> bool {
 
 /// Reads the answer to `GET /v1/state`.
 #[must_use]
-pub fn parse_daemon_state_or_stranger(state: &Value) -> Daemon {
+pub fn parse_daemon_state_or_other_program(state: &Value) -> Daemon {
     let (device, daemon) = (&state["device"], &state["daemon"]);
     let (Some(version), Some(kind), Some(port)) =
         (parse_string(&daemon["version"]), parse_string(&device["kind"]), parse_string(&device["port"]))
     else {
-        return Daemon::Stranger("its answer is JSON, but is not the state of a daemon".into());
+        return Daemon::OtherProgram("its answer is JSON, but is not the state of a daemon".into());
     };
     let problem = (device["connected"] == false)
         .then(|| parse_string(&device["problem"]).unwrap_or_else(|| "the daemon gave no reason".into()));

@@ -92,7 +92,7 @@ pub enum PortAnswer {
     /// It speaks protocol versions that this program does not.
     Version(String),
     /// It answers.
-    Heard(BoardReport),
+    Answered(BoardReport),
 }
 
 /// What a board says, over its port or through the daemon that has it.
@@ -168,7 +168,7 @@ pub enum Daemon {
     #[default]
     Absent,
     /// Something listens that is no daemon of this program.
-    Stranger(String),
+    OtherProgram(String),
     /// A daemon answers, but tells its state only to whoever has the right.
     Guarded(String),
     /// It speaks TLS, or none, or has a certificate that does not fit: it can be asked otherwise.

@@ -34,7 +34,7 @@ pub fn judge_facts(facts: &Facts) -> Vec<Finding> {
 /// What the board says over its port, and what a daemon says of its device, whichever that is.
 fn find_direct_and_daemon_board_reports(facts: &Facts) -> (Option<&BoardReport>, Option<&BoardReport>) {
     let direct = match &facts.chosen {
-        Some(Chosen { answer: PortAnswer::Heard(heard), .. }) => Some(heard),
+        Some(Chosen { answer: PortAnswer::Answered(heard), .. }) => Some(heard),
         _ => None,
     };
     let through = match &facts.daemon {
@@ -148,7 +148,7 @@ fn judge_daemon(facts: &Facts) -> Finding {
              (--listen), and that no firewall blocks the connection",
         ),
         Daemon::Absent => Finding::ok("daemon", format!("no daemon runs at {address}")),
-        Daemon::Stranger(answer) => Finding::problem(
+        Daemon::OtherProgram(answer) => Finding::problem(
             "daemon",
             format!("the program that answers at {address} is not an era daemon ({answer})"),
             "use another address for the daemon: era serve --listen 127.0.0.1:PORT, or `listen` in its configuration",

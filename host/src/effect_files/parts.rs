@@ -373,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn pulses_interrupt_and_make_way() {
+    fn pulses_interrupt_and_are_dropped() {
         let pulse = HapticEvent::new_transient;
         let events =
             vec![pulse(0.0, 0.5, 0.9), pulse(0.02, 0.8, 0.5), pulse(0.2, 1.0, 0.0), make_vibration(0.1, 0.3, 1.0, &[])];

@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn long_silent_and_broken_sounds_are_told() {
+    fn long_silent_and_broken_sounds_are_reported() {
         let float = WavSpec { channels: 2, sample_rate: 1000, bits_per_sample: 32, sample_format: SampleFormat::Float };
         let list = read_wav_bytes(&sound(float, (0..80_000).map(|k| f64::from(k % 4 / 2)))).unwrap();
         let said = list.warnings.join("\n");

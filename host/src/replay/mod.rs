@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_line() {
+    fn what_is_wrong_is_reported_with_its_line() {
         let begin = r#"{"at_ms": 0, "kind": "begin", "format": 1, "scene": "desk"}"#;
         for (text, line, wanted) in [
             (String::new(), 1, "empty"),

@@ -29,14 +29,14 @@ const SEED: u64 = 1;
 /// that is hardly off it cells are so small that their stiffness drowns the rest in rounding.
 const AT_THE_BORDER: f64 = 2e-3;
 /// Most that springs, Young's modulus and thickness may be off, as a part of themselves: there is something left of each.
-pub const MOST_PART: f64 = 0.9;
+pub const MAX_FRACTION: f64 = 0.9;
 /// Most that places may be off, in mm.
 pub const MOST_MM: f64 = 100.0;
 /// The fields of [`Tolerances`], with the most that each may be; the least is 0.
 pub const MOST: [(&str, f64); 4] =
-    [("springs", MOST_PART), ("youngs_modulus", MOST_PART), ("thickness", MOST_PART), ("places_mm", MOST_MM)];
+    [("springs", MAX_FRACTION), ("youngs_modulus", MAX_FRACTION), ("thickness", MAX_FRACTION), ("places_mm", MOST_MM)];
 /// Least part of the plan's own peak, -120 dB, that a sample's peak is told as: on a node line there is none.
-const LEAST_PART: f64 = 1e-6;
+const MIN_FRACTION: f64 = 1e-6;
 
 /// How far each kind of thing may be off, either way.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -302,7 +302,7 @@ pub fn compute_target_peak_spread_under_tolerances_with_observer(
         }
         let part = if meant > 0.0 { peak(scene)? / meant } else { 1.0 };
         observer.report_newly_computed_designs(1);
-        Ok(20.0 * part.max(LEAST_PART).log10())
+        Ok(20.0 * part.max(MIN_FRACTION).log10())
     };
     // A stream of random numbers for each question: none changes with those before it.
     let range = |kinds: &[ToleranceKind], samples: usize, stream: u64| -> Result<Option<PeakRange>, ToleranceError> {

@@ -341,7 +341,7 @@ fn a_grid_has_a_limit_and_few_chunks() {
 
 /// What the scene's sides and the band leave no room for is told with its line before anything is computed.
 #[test]
-fn places_off_the_surface_and_narrow_bands_are_told() {
+fn places_off_the_surface_and_narrow_bands_are_reported() {
     let of = |variable: &str, rest: &str| {
         let text = format!("version = 1\nname = \"s\"\nscene = \"plate.toml\"\n[[variable]]\n{variable}\n{rest}");
         Study::parse_texts("s.toml", &text, "plate.toml", STARTING_PLATE)

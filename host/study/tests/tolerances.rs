@@ -159,7 +159,7 @@ fn made(scene: &Scene, told: &PanelDeviations) -> Scene {
 
 /// Whoever is told which panel was the weakest and which the strongest finds the told levels on them.
 #[test]
-fn the_told_panels_have_the_told_levels() {
+fn the_reported_panels_have_the_reported_levels() {
     let at_m = (0.083, 0.061);
     let (scene, plan) = planned(everything(), at_m);
     let tolerances = Tolerances { springs: 0.4, places_mm: 2.0, ..Tolerances::default() };
@@ -186,7 +186,7 @@ fn the_told_panels_have_the_told_levels() {
 
 /// What is told has the names of the tolerances, and nothing of what the scene has not; a bar has no y that could be off.
 #[test]
-fn what_the_scene_has_none_of_is_not_told() {
+fn what_the_scene_has_none_of_is_not_reported() {
     let (scene, plan) = planned(bar(9.0), (0.5 * LENGTH_M, 0.5 * WIDTH_M));
     let off = compute_target_peak_spread_under_tolerances(&scene, &[], &plan, Tolerances::default()).unwrap();
     let told = serde_json::to_value(&off).unwrap();

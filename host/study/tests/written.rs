@@ -166,7 +166,7 @@ fn what_does_not_meet_a_limit_is_marked_in_the_report() {
 
 /// Where no design keeps the limits it is told which comes nearest, in parts of each limit, and what it breaks.
 #[test]
-fn where_no_design_keeps_the_limits_the_nearest_is_told() {
+fn where_no_design_keeps_the_limits_the_nearest_is_reported() {
     let strict = STUDY.replace(
         "[[uncertain]]",
         "[[limit]]\nfigure = \"weakest_g\"\nleast = 0.7\n[[limit]]\nfigure = \"mass_g\"\nmost = 250\n[[uncertain]]",

@@ -167,7 +167,7 @@ fn make_dated(folder: &Path, name: &str, from: i32, to: i32) -> TlsFiles {
 
 /// Dates are told as dates, with what to do, by whoever is shown the certificate.
 #[test]
-fn a_client_tells_the_dates_of_a_certificate() {
+fn a_client_reports_the_dates_of_a_certificate() {
     let folder = tempfile::tempdir().unwrap();
     let all = [make_dated(folder.path(), "old", 2019, 2020), make_dated(folder.path(), "new", 2091, 2092)];
     let (_served, ports) = serve_over_tls(&all);
@@ -244,7 +244,7 @@ fn dates_are_reported_before_anybody_is_refused() {
 
 /// Certificates and keys that cannot be used: what is wrong with which file, and what to do, from the check, the doctor and the start.
 #[test]
-fn what_is_wrong_with_a_certificate_or_key_is_told() {
+fn what_is_wrong_with_a_certificate_or_key_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     let good = make_self_signed(path, "good", KINDS[0], NAMES);

@@ -68,7 +68,7 @@ fn a_daemon_listens_at_an_address_of_either_kind() {
 
 /// What is not a place to listen is refused with what is wrong with it, on the command line and in a file.
 #[test]
-fn what_is_wrong_with_a_place_to_listen_is_told() {
+fn what_is_wrong_with_a_place_to_listen_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     for (listen, words) in [
         ("localhost", "port"),
@@ -106,7 +106,7 @@ fn what_is_wrong_with_a_place_to_listen_is_told() {
 
 /// What the system says against a place: each reason has its own advice.
 #[test]
-fn why_a_place_cannot_be_had_is_told() {
+fn why_a_place_cannot_be_had_is_reported() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().port();
     for listen in [format!("127.0.0.1:{port}"), format!("localhost:{port}")] {

@@ -108,7 +108,7 @@ fn a_named_proxy_sees_no_token() {
 
 /// What is wrong with a proxy is told as that, and not as the daemon's absence.
 #[test]
-fn a_proxy_that_refuses_is_told() {
+fn a_proxy_that_refuses_is_reported() {
     for (answer, words) in [
         ("HTTP/1.1 403 Forbidden\r\n\r\n", "403"),
         ("HTTP/1.1 407 Proxy Authentication Required\r\nProxy-Authenticate: Basic\r\n\r\n", "407"),

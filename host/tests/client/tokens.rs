@@ -73,7 +73,7 @@ fn what_is_around_a_token_is_not_sent() {
 
 /// What can be no token is told where it is, without the token, and nothing is sent.
 #[test]
-fn what_can_be_no_token_is_told_and_not_sent() {
+fn what_can_be_no_token_is_reported_and_not_sent() {
     let folder = tempfile::tempdir().unwrap();
     let (recording, file) = (folder.path().join("day.jsonl"), folder.path().join("token"));
     write_recording(&recording);

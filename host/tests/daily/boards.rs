@@ -219,7 +219,7 @@ fn a_board_that_takes_no_bytes_is_given_up() {
 }
 
 #[test]
-fn a_path_without_a_port_is_told_with_its_name() {
+fn a_path_without_a_port_is_reported_with_its_name() {
     let missing = Path::new("/nonexistent/era-board");
     let daemon = Daemon::at(STARTING_PLATE, missing.to_str().unwrap(), SessionPolicy::default());
     let state = daemon.wait_for(|state| state["device"]["problem"].is_string());

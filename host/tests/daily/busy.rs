@@ -14,7 +14,7 @@ const LONG_TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#;
 /// For as long as the board takes to give its host up, and goes off. What has happened is told and logged, with its reason; then a person clears it,
 /// or the next touch where that is the policy, and everything goes on.
 #[test]
-fn a_host_that_was_busy_tells_why_and_goes_on() {
+fn a_host_that_was_busy_reports_why_and_goes_on() {
     let (panel, volts) = panel_of(&table(STARTING_PLATE));
     let board = SimDevice::start(panel, volts).unwrap();
     for (more, is_cleared) in [(&[][..], false), (&["--clear-silence"][..], true)] {

@@ -36,7 +36,7 @@ fn silent_for(sim: &era::device::sim::SimControl, time: Duration) {
 
 /// Answers that take now longer, now less long, are jitter; those that all take long are none.
 #[test]
-fn jitter_is_told() {
+fn jitter_is_reported() {
     let daemon = Daemon::start(STARTING_PLATE);
     let deadline = Instant::now() + Duration::from_secs(30);
     for turn in 0_u64.. {
@@ -77,7 +77,7 @@ fn the_age_of_the_last_sign_of_life_grows_while_the_board_is_silent() {
 }
 
 #[test]
-fn a_fault_tells_what_was_known_of_the_link() {
+fn a_fault_reports_what_was_known_of_the_link() {
     let daemon = Daemon::start(STARTING_PLATE);
     assert_eq!(daemon.state()["device"]["fault"], json!(null));
     let spoil = |at_least: f64| {

@@ -207,7 +207,7 @@ fn a_finger_that_comes_again_at_once_plays_its_effect_again() {
 }
 
 #[test]
-fn a_socket_tells_only_what_it_is_asked_for() {
+fn a_socket_reports_only_what_it_is_asked_for() {
     let daemon = Daemon::start(STARTING_PLATE);
     let error = tungstenite::connect(format!("{}/v1/live?send=map", daemon.url.replace("http", "ws"))).unwrap_err();
     let tungstenite::Error::Http(answer) = error else { panic!("{error}") };

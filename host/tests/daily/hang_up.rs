@@ -62,7 +62,7 @@ fn a_touch_counts_though_its_sender_hangs_up() {
 }
 
 #[test]
-fn a_page_that_reads_nothing_is_still_heard() {
+fn messages_of_a_page_that_reads_nothing_are_still_read() {
     let daemon = Daemon::start(STARTING_PLATE);
     let (mut socket, _) =
         tungstenite::connect(format!("{}/v1/live?send=state,field", daemon.url.replace("http", "ws"))).unwrap();

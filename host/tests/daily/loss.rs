@@ -27,7 +27,7 @@ fn silent(silent: bool) -> SimKnobs {
 /// Idle and while it drives: the silence is told, touches are refused with the reason, and when the board answers again all
 /// goes on over the same line.
 #[test]
-fn a_board_that_is_late_is_told_of_and_not_given_up() {
+fn a_board_that_is_late_is_reported_and_not_given_up() {
     let (daemon, line) = daemon(FOREVER);
     for (before, doubts) in [(None, 1), (Some(LONG_TOUCH), 2)] {
         if let Some(touch) = before {
@@ -134,7 +134,7 @@ fn a_late_answer_to_an_earlier_try_counts() {
 
 /// A mistake in the session's thread: everybody is told, nothing is driven any more, and the daemon ends as one that failed.
 #[test]
-fn a_session_that_breaks_is_told_and_ends_the_daemon() {
+fn a_session_that_breaks_is_reported_and_ends_the_daemon() {
     let (daemon, line) = daemon(REAL_TIME);
     assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
     line.set(|ear| ear.breaks = true);
@@ -179,7 +179,7 @@ fn a_daemon_without_its_session_ends_and_is_not_told_to_be_well() {
 /// The line is dead one way: what the host asks arrives, and would keep the board alive. It is told to stop instead, while the host still
 /// waits and before it gives the board up: the first three tries wait for 175 ms, of which 150 are over when the stop is due.
 #[test]
-fn a_board_that_hears_and_is_not_heard_is_stopped() {
+fn a_board_that_receives_but_is_not_received_is_stopped() {
     let (daemon, line) = daemon(FOREVER);
     assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
     daemon.wait_for(|state| state["device"]["state"] == "running");
@@ -248,7 +248,7 @@ fn what_is_left_of_a_touch_is_driven_after_a_pause() {
 /// The session's thread neither ends nor does anything: in a driver, say. Whoever asks is answered, everybody is told, and the daemon ends when
 /// it is asked to.
 #[test]
-fn a_session_that_hangs_is_told_and_does_not_keep_the_daemon() {
+fn a_session_that_hangs_is_reported_and_does_not_keep_the_daemon() {
     let (mut daemon, line) = daemon(REAL_TIME);
     line.set(|ear| ear.is_held = true);
     drop(line.wait_for(|ear| ear.waiting > 0));
@@ -275,7 +275,7 @@ fn a_session_that_hangs_is_told_and_does_not_keep_the_daemon() {
 
 /// The board has gone off by its dead-man timer, and was away: what is told is what it takes, all of it, in its order.
 #[test]
-fn a_line_that_is_lost_while_driving_takes_two_steps_which_are_told() {
+fn a_line_that_is_lost_while_driving_takes_two_steps_which_are_reported() {
     let (daemon, line) = daemon(REAL_TIME);
     assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
     daemon.wait_for(|state| state["device"]["state"] == "running");

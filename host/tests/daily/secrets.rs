@@ -119,7 +119,7 @@ fn a_credential_of_the_service_manager_may_have_its_lists_mask() {
 
 /// Clients have been given the certificate that is there: it stays, and what it is not good for is said.
 #[test]
-fn a_certificate_that_lacks_a_name_is_kept_and_told() {
+fn a_certificate_that_lacks_a_name_is_kept_and_reported() {
     let folder = tempfile::tempdir().unwrap();
     let tls = folder.path().join("tls");
     let socket = folder.path().join("taken.sock");

@@ -296,7 +296,7 @@ fn a_line_that_is_given_up_ends_with_a_stop() {
 
 /// Half a frame is on the line: the stop is heard all the same.
 #[test]
-fn the_last_stop_is_heard_after_half_a_frame() {
+fn the_last_stop_is_received_after_half_a_frame() {
     let (session, line) = driving(SHORT);
     let since = line.mark(|ear| ear.takes = Some(5));
     until(&session, |snapshot| snapshot.outages == 1);

@@ -99,7 +99,7 @@ fn a_full_disk_leaves_old_files_or_new_ones() {
 
 /// Standard output that a shell has sent into a file on a full disk is told, too.
 #[test]
-fn a_full_standard_output_is_told() {
+fn a_full_standard_output_is_reported() {
     for arguments in [&["completions", "bash"][..], &["man"], &["config", "example"], &["install", "--print"]] {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let ended = run_command(build_era_command().args(arguments).stdout(full));

@@ -50,7 +50,7 @@ fn post_stop(socket: &Path) -> String {
 
 /// Room is made after a first start that had none: the second one records.
 #[test]
-fn a_start_without_room_does_not_keep_later_ones_from_recording() {
+fn a_start_without_disk_space_does_not_keep_later_ones_from_recording() {
     let folder = tempfile::tempdir().unwrap();
     for limit in [0, 1 << 20] {
         let (mut daemon, log) = start_recording(folder.path(), limit);
@@ -65,7 +65,7 @@ fn a_start_without_room_does_not_keep_later_ones_from_recording() {
 
 /// With room for half of its first line, and for a few lines and a part of one: the end is told, the daemon answers on, and what was recorded can be read.
 #[test]
-fn a_recording_that_has_no_room_ends_with_a_whole_line() {
+fn a_recording_without_disk_space_ends_with_a_whole_line() {
     for limit in [0, 1, 50, 1000, 2001] {
         let folder = tempfile::tempdir().unwrap();
         let (socket, recording) = (folder.path().join("era.sock"), folder.path().join("day.jsonl"));

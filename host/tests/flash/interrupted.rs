@@ -122,7 +122,7 @@ fn a_new_first_stage_is_the_only_window_without_a_way_back_by_power() {
 }
 
 #[test]
-fn a_cable_out_is_told_with_what_to_do() {
+fn a_cable_out_is_reported_with_what_to_do() {
     let mut rom = Rom::new(2048, &old());
     rom.cut_after(40);
     let error = update(&mut rom, &new()).unwrap_err().to_string();

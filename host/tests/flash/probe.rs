@@ -42,7 +42,7 @@ fn it_is_asked_for_the_chip_and_the_header_then_told_to_write() {
 }
 
 #[test]
-fn what_is_wrong_is_told() {
+fn what_is_wrong_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let missing = ProbeRs::new(folder.path().join("nothing"));
     assert!(matches!(missing.check_probe_connected(), Err(ProbeError::NotInstalled(_))));

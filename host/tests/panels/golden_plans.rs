@@ -243,7 +243,7 @@ fn a_stepped_bar() {
 
 /// One planted difference at a time, and what is none.
 #[test]
-fn differences_are_told_with_request_field_and_values() {
+fn differences_are_reported_with_request_field_and_values() {
     let answer = |key: &str, value: Value| {
         let mut drive = json!({ "frequency_hz": 120.0, "force_n": 0.25, "phase_rad": 3.0 });
         let mut answer =

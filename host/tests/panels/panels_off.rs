@@ -38,7 +38,7 @@ fn ended(daemon: &Daemon) -> Value {
 }
 
 #[test]
-fn http_tells_what_the_command_line_tells() {
+fn http_reports_what_the_command_line_reports() {
     let daemon = Daemon::start(STARTING_PLATE);
     let (_, none) = daemon.get(PATH);
     assert_eq!(

@@ -324,7 +324,7 @@ fn no_plan_takes_away_what_brings_a_mass_back() {
 
 /// One more actuator than a board has channels is told everywhere that a plan is asked for, and never left out in silence.
 #[test]
-fn one_actuator_too_many_is_told() {
+fn one_actuator_too_many_is_reported() {
     let mut text = String::from(EXAMPLE_BAR);
     let first = EXAMPLE_BAR.find("[[actuator]]").unwrap();
     let one = &EXAMPLE_BAR[first..first + 1 + EXAMPLE_BAR[first + 1..].find("[[actuator]]").unwrap()];

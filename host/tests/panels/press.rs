@@ -43,7 +43,7 @@ fn the_example_scenes_bear_a_press() {
 
 /// Without its stops a scene is told of; what it names is enough, and more springs or a lighter press say nothing.
 #[test]
-fn a_scene_that_does_not_bear_it_is_told_with_what_would_do() {
+fn a_scene_that_does_not_bear_it_is_reported_with_what_would_do() {
     let folder = tempfile::tempdir().unwrap();
     let text = std::fs::read_to_string(example("starting_plate")).unwrap();
     let without: String =

@@ -37,7 +37,7 @@ fn bands_zones_and_names_that_make_no_sense_are_refused() {
 
 /// Tables and pictures of a part of the bar and of its band, and what is said of the files.
 #[test]
-fn reach_is_told_and_drawn() {
+fn reach_is_reported_and_drawn() {
     let bar = bar();
     let part = ["--zone", "100,0,150,20", "--from", "120", "--to", "180", "--accuracy", "fast", "--scene", &bar];
     for (what, columns, lines) in [

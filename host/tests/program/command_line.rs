@@ -139,7 +139,7 @@ fn help_that_cannot_be_written_is_an_error() {
 }
 
 #[test]
-fn a_plan_table_is_kept_and_a_spoilt_one_is_told() {
+fn a_plan_table_is_kept_and_a_damaged_one_is_reported() {
     let cache = tempfile::tempdir().unwrap();
     let bar = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/scenes/bar.toml");
     let plan = |more: &[&str]| {
@@ -221,7 +221,7 @@ fn a_response_has_its_bounds_in_the_table() {
 
 /// What is not as right as was asked for is said, by every command that has a bound.
 #[test]
-fn a_bound_above_the_tolerance_is_told() {
+fn a_bound_above_the_tolerance_is_reported() {
     let plan = ["plan", "--at", "480,80"];
     let field = ["field", "--at", "480,80"];
     let response = ["response", "--at", "100,10", "--from", "100", "--to", "120", "--step", "5"];

@@ -182,7 +182,7 @@ fn every_client_is_told_the_effects_own_figures() {
 
 /// What is left of earlier touches, a quiet zone and several targets: the effect that is played has these figures, as the answer's own fields do.
 #[test]
-fn weaker_effects_are_told_as_weak_as_they_are() {
+fn weaker_effects_are_reported_as_weak_as_they_are() {
     let daemon = Daemon::start(EXAMPLE_BAR);
     for effect in EFFECTS {
         rest(&daemon);
@@ -220,7 +220,7 @@ fn weaker_effects_are_told_as_weak_as_they_are() {
 /// What the windows of a click do when no finger is there: of a finger that weighs nothing what they do with it, and of a heavy one, whose click is designed
 /// for the panel with it, something else. A scene without a finger has no such figures.
 #[test]
-fn a_click_is_told_with_and_without_the_finger() {
+fn a_click_is_reported_with_and_without_the_finger() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.toml");
     let case = Case { scene: String::new(), at_px: [960.0, 640.0], intensity_g: 0.3, limit: None };

@@ -81,7 +81,7 @@ fn rest(app: &App, runtime: &tokio::runtime::Runtime, is_over: &AtomicBool) {
             if let Some(active) = active {
                 runtime.block_on(
                     app.driver
-                        .extend_touch_and_check_if_still_shown(active.id, Instant::now() + Duration::from_secs(1)),
+                        .extend_touch_and_check_if_still_active(active.id, Instant::now() + Duration::from_secs(1)),
                 );
             }
         }

@@ -328,7 +328,7 @@ fn description_metrics_and_page_are_there() {
 }
 
 #[test]
-fn a_silent_device_is_told_and_found_again() {
+fn a_silent_device_is_reported_and_found_again() {
     let daemon = Daemon::start(STARTING_PLATE);
     daemon.sim.set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
     // It may be only late at first, which is a reason of its own.
@@ -385,7 +385,7 @@ fn a_restarted_device_is_noticed() {
 }
 
 #[test]
-fn the_live_socket_takes_touches_and_tells_plans() {
+fn the_live_socket_takes_touches_and_reports_plans() {
     let daemon = Daemon::start(STARTING_PLATE);
     let (mut socket, _) = tungstenite::connect(format!("{}/v1/live", daemon.url.replace("http", "ws"))).unwrap();
     let mut wait_for = |kind: &str, send: Option<Value>| -> Value {

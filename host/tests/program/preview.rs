@@ -72,7 +72,7 @@ fn a_moved_support_is_the_scene_written_with_it_there() {
 }
 
 #[test]
-fn a_scene_that_cannot_be_previewed_is_told_with_its_field() {
+fn a_scene_that_cannot_be_previewed_is_reported_with_its_field() {
     let daemon = Daemon::start(STARTING_PLATE);
     let line = |piece: &str| STARTING_PLATE.lines().position(|line| line.starts_with(piece)).unwrap() + 1;
     let ask = |more: Value| {
@@ -189,7 +189,7 @@ fn studied(daemon: &Daemon, sections: &str) -> Value {
 
 /// No two ERAs are 5 m apart on a plate of 300 mm: nothing is said of limits, which nobody has set.
 #[test]
-fn a_study_in_which_all_designs_fail_tells_why() {
+fn a_study_in_which_all_designs_fail_reports_why() {
     let daemon = Daemon::start(STARTING_PLATE);
     let done = studied(&daemon, "[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 5000\n");
     assert_eq!((&done["stage"], &done["best"], &done["nearest"]), (&json!("done"), &json!([]), &Value::Null), "{done}");
@@ -199,7 +199,7 @@ fn a_study_in_which_all_designs_fail_tells_why() {
 
 /// The lightest of the plates, the one of 2 mm, weighs 324 g and 20 g of ERAs more; none is within 100 g, and it comes nearest.
 #[test]
-fn a_study_in_which_no_design_keeps_the_limits_tells_the_nearest() {
+fn a_study_in_which_no_design_keeps_the_limits_reports_the_nearest() {
     let daemon = Daemon::start(STARTING_PLATE);
     let done = studied(&daemon, "[[limit]]\nfigure = \"mass_g\"\nmost = 100\n");
     assert_eq!((&done["stage"], &done["best"]), (&json!("done"), &json!([])), "{done}");

@@ -102,7 +102,7 @@ fn a_study_that_is_killed_or_asked_to_stop_goes_on() {
 }
 
 #[test]
-fn what_a_study_cannot_be_is_told() {
+fn what_a_study_cannot_be_is_reported() {
     let (place, study) = prepared(SOBOL);
     let out = place.path().join("out").display().to_string();
     let refused = |arguments: &[&str], code: i32, wanted: &str| {
@@ -130,7 +130,7 @@ fn what_a_study_cannot_be_is_told() {
 /// The study that comes with the program: 2.5 times the weakest place of its scene, and the best first by the thorough look, whose order is not the quick
 /// one's.
 #[test]
-fn the_example_study_finds_better_places_and_tells_the_best_first() {
+fn the_example_study_finds_better_places_and_reports_the_best_first() {
     let study = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/studies/placement.toml");
     let place = tempfile::tempdir().unwrap();
     let out = place.path().join("out").display().to_string();
@@ -145,7 +145,7 @@ fn the_example_study_finds_better_places_and_tells_the_best_first() {
 
 /// What other commands say of a scene whose ERAs lack stops is said of a study's, word for word and once, however many designs there are.
 #[test]
-fn stops_that_are_missing_are_told_once() {
+fn stops_that_are_missing_are_reported_once() {
     let (place, study) = prepared(SOBOL);
     let bar = place.path().join("bar.toml");
     let warned = |arguments: &[&str]| {

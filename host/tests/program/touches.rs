@@ -94,7 +94,7 @@ fn several_targets_quiet_zones_and_options_are_taken() {
 
 /// Commands, requests, their description and what a wrong request is told know the same objectives.
 #[test]
-fn every_objective_is_told_of() {
+fn every_objective_is_reported() {
     let daemon = Daemon::start(STARTING_PLATE);
     let names: Vec<String> = Objective::ALL.iter().map(|objective| objective.name().to_owned()).collect();
     let of_commands: Vec<String> = Objective::value_variants()

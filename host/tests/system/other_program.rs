@@ -56,7 +56,7 @@ fn the_doctor_and_the_flasher_end_and_name_the_program() {
 
 /// A program that has stopped the line's output: what is written stays where it is.
 #[test]
-fn a_line_that_takes_nothing_is_told() {
+fn a_line_that_takes_nothing_is_reported() {
     let board = start_still_simulated_device();
     let stop = "import sys, termios; termios.tcflow(0, termios.TCOOFF)";
     let port = std::fs::File::open(board.port_path()).unwrap();
@@ -71,7 +71,7 @@ fn a_line_that_takes_nothing_is_told() {
 
 /// A port that another program has for itself is in use, and nobody is sent to its cable.
 #[test]
-fn a_port_in_use_is_told_as_one() {
+fn a_port_in_use_is_reported_as_one() {
     let board = start_still_simulated_device();
     let holder = hold(&board);
     let pid = holder.0.id();

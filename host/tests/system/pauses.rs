@@ -85,7 +85,7 @@ fn what_comes_while_the_process_is_held_is_not_driven() {
 
 /// The board has gone while the process was held, as one whose USB port was without power during a sleep.
 #[test]
-fn a_board_that_went_meanwhile_is_told() {
+fn a_board_that_went_meanwhile_is_reported() {
     let board = start_still_simulated_device();
     // By a name of its own: what comes to be at the board's path is another's.
     let folder = tempfile::tempdir().unwrap();

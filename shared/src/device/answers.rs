@@ -254,7 +254,7 @@ impl Device {
         if sequencer.goal(index).is_none() {
             return Err(Refusal::NoDrive { channel });
         }
-        if !sequencer.queue_effect_if_goal_and_room(index, start_us, effect) {
+        if !sequencer.queue_effect_if_goal_and_queue_not_full(index, start_us, effect) {
             return Err(Refusal::QueueFull { channel });
         }
         self.write_due_preloads_and_check_no_window_was_missed(board).map_err(|(code, detail)| {

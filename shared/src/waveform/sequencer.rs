@@ -335,7 +335,12 @@ impl Sequencer {
 
     /// Adds an envelope that starts at `start_us` of the board's time; `false` if the channel has no goal or as many wait
     /// as can.
-    pub fn queue_effect_if_goal_and_room(&mut self, channel: usize, start_us: u64, effect: &super::Effect) -> bool {
+    pub fn queue_effect_if_goal_and_queue_not_full(
+        &mut self,
+        channel: usize,
+        start_us: u64,
+        effect: &super::Effect,
+    ) -> bool {
         let start = self.clocks_since_start(start_us);
         let Some(track) = self.tracks.get_mut(channel).filter(|track| track.goal.is_some()) else { return false };
         let place = track.queue.iter().position(|other| other.start > start).unwrap_or(track.queue.len());

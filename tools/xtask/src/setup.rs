@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn an_installation_that_fails_is_told_with_its_reason() {
+    fn an_installation_that_fails_is_reported_with_its_reason() {
         let machine = Fake {
             online: false,
             ..Fake::new(&[Need::Browser, Need::Nginx, Need::Openssl, Need::Target], InstallRights::Root)

@@ -11,11 +11,11 @@ use std::f64::consts::TAU;
 const NOTHING_LEFT: f64 = 1e-10;
 
 /// Part of the largest below which the forces of springs along edges are left out.
-const EDGE_PART: f64 = 1e-6;
+const EDGE_FRACTION: f64 = 1e-6;
 
 /// Motion of a firmly held point under a force, over that of the whole scene under the same force, that is none: a ten-thousandth of
 /// what responses are relative to at least. The shape of its reaction would add nothing, and at 1e18 N/m rounding of 6e-5.
-const HELD: f64 = 1e-10;
+const FIXED_POINT_MOTION_RATIO: f64 = 1e-10;
 
 /// Loads that dashpots and losses leave unbalanced at frequencies up to `max_hz`.
 ///
@@ -30,7 +30,7 @@ pub(super) fn find_load_vectors_of_damping_forces_that_couple_modes(
 ) -> Vec<SparseVector> {
     let own = SurfaceLosses::from_damping_unless_modal_ratio(scene.surface.damping).unwrap_or_default();
     let omega = std::f64::consts::TAU * max_hz;
-    let rigid = omega * omega * scene.surface_mass_with_air_kg() / HELD;
+    let rigid = omega * omega * scene.surface_mass_with_air_kg() / FIXED_POINT_MOTION_RATIO;
     let couples = |part: &&Attachment| {
         let by_stiffness = own.differs_from_spring_loss_factor(part.loss_factor) && part.stiffness > 0.0;
         let damps = part.damping > 0.0 || by_stiffness || own.alpha > 0.0 && part.mass > 0.0;
@@ -47,7 +47,7 @@ pub(super) fn find_load_vectors_of_damping_forces_that_couple_modes(
             column.scale_mut(1.0 / (lambda + omega * omega));
         }
         let eigen = SymmetricEigen::new(forces.tr_mul(&forces));
-        let least = EDGE_PART * EDGE_PART * eigen.eigenvalues.amax();
+        let least = EDGE_FRACTION * EDGE_FRACTION * eigen.eigenvalues.amax();
         let kept: Vec<usize> = (0..eigen.eigenvalues.len()).filter(|i| eigen.eigenvalues[*i] > least).collect();
         let independent = forces * eigen.eigenvectors.select_columns(&kept);
         let sparse =

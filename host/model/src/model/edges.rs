@@ -14,10 +14,10 @@ pub fn edge_kind_unless_free(scene: &Scene, side: Side) -> Option<EdgeKind> {
 
 /// Part of a frequency that an edge on springs is below a pinned one's, over (b / L)^2: 2.0 on the first bending mode of a plate of
 /// 317 x 203 mm for 1e8 and for 1e10 N/m^2, less on others.
-const GIVES_WAY: f64 = 3.0;
+const EDGE_COMPLIANCE_FACTOR: f64 = 3.0;
 /// The same of a bar's end, over EI / (k L^3): up to the square of the waves along it (pi^4 for the first mode, some thousands for the
 /// fifth).
-const END_GIVES_WAY: f64 = 1e4;
+const BAR_END_COMPLIANCE_FACTOR: f64 = 1e4;
 /// Largest b / L at which springs are taken for a support: 1e-7 of a frequency. Stiffer ones would show rounding in K instead
 /// (4e-5 of a response at 6e-5, and a matrix that cannot be factored at 1e-5).
 const RIGID: f64 = 2e-4;
@@ -104,7 +104,7 @@ pub fn relative_frequency_error_of_replaced_edge_springs(scene: &Scene) -> f64 {
             return slope;
         }
         let part = scale.relative_characteristic_length_or_bar_deflection_for_rigidity(scale.stiffest, stiffness);
-        slope + if scale.is_plate { GIVES_WAY * part * part } else { END_GIVES_WAY * part }
+        slope + if scale.is_plate { EDGE_COMPLIANCE_FACTOR * part * part } else { BAR_END_COMPLIANCE_FACTOR * part }
     };
     scene.edges.iter().map(|edge| part(&edge.kind)).sum()
 }

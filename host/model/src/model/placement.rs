@@ -38,7 +38,7 @@ const STRIP_CELL: f64 = 2.0;
 /// of length l, l^3 / 248 D b (b its width), it gives way around the point by some 0.3 b^2 / D: 100 (b / cell)^3, or 4e-6.
 const BAR_LIKE: f64 = 1.0 / 300.0;
 /// The factor in that.
-const GIVES_WAY: f64 = 100.0;
+const CELL_COMPLIANCE_FACTOR: f64 = 100.0;
 
 /// Width of a narrow strip of one layer, in regular cells; `None` for other surfaces.
 pub(super) fn width_in_cells_if_plain_narrow_strip(scene: &Scene, fineness: Fineness) -> Option<f64> {
@@ -233,7 +233,7 @@ fn relative_frequency_error_of_close_places_or_narrow_strip(scene: &Scene, finen
         );
         // What gives way at a point may be softer than what bends along the strip.
         let softer = waves.stiffest / waves.softest;
-        return if places.is_empty() { 0.0 } else { GIVES_WAY * softer * part.powi(3) };
+        return if places.is_empty() { 0.0 } else { CELL_COMPLIANCE_FACTOR * softer * part.powi(3) };
     }
     let near = NEAR * spaces.cell_m;
     let rigidity = WaveRigidities::find_extremes_and_mean_over_layers_of_scene(scene).softest;

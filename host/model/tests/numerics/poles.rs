@@ -228,7 +228,7 @@ fn what_rests_is_no_pole_of_a_mode() {
 
 /// With a loss factor no motion that loses energy by it has two real poles: what is told is the one with Im s > 0, and two only where both are real.
 #[test]
-fn two_poles_are_told_of_a_mode_only_where_both_are_real() {
+fn two_poles_of_a_mode_are_reported_only_where_both_are_real() {
     let mut random = random_numbers(11);
     for trial in 0..200 {
         let n = 2 + trial % 5;
@@ -292,7 +292,7 @@ fn what_swings_with_its_dashpots_at_rest_never_grows() {
 /// Dashpots of ERAs on a plate's edges: the fast motion beside each is one of the mesh, and what is told of it is nothing; the slow one is the ERA's spring
 /// on its dashpot. Before, the ratio was 626 with one tolerance and 684 with another.
 #[test]
-fn a_pole_is_not_told_that_a_finer_mesh_changes() {
+fn a_pole_that_a_finer_mesh_changes_is_not_reported() {
     let mut scene = SceneText::plate(0.3, 0.2, 0.33).thickness(3e-3);
     for (x, y) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
         scene = scene.spring_damper(x, y, 3000.0, 3.0);

@@ -19,7 +19,7 @@ const READ: [&str; 3] = ["Cargo.toml", "build.rs", "src"];
 
 /// Variables of a build script that tell what the compiler is told, by how their names begin: target, its features, the
 /// package's, optimisation, flags.
-const TOLD: [&str; 7] =
+const BUILD_VARIABLE_PREFIXES: [&str; 7] =
     ["CARGO_CFG_", "CARGO_FEATURE_", "CARGO_ENCODED_RUSTFLAGS", "CARGO_PKG_VERSION", "TARGET", "OPT_LEVEL", "PROFILE"];
 
 /// The packages without a registry that `package` is made of, itself included, by a `Cargo.lock`'s text.
@@ -116,8 +116,9 @@ pub fn hash_source_code(
         add(file.to_string_lossy().as_bytes());
         add(&fs::read(package_folder.join(file))?);
     }
-    let mut told: Vec<(String, String)> =
-        unfiltered_variables.filter(|(name, _)| TOLD.iter().any(|told| name.starts_with(told))).collect();
+    let mut told: Vec<(String, String)> = unfiltered_variables
+        .filter(|(name, _)| BUILD_VARIABLE_PREFIXES.iter().any(|told| name.starts_with(told)))
+        .collect();
     told.sort();
     for (name, value) in told {
         add(name.as_bytes());

@@ -189,7 +189,7 @@ fn all_limits(table: &PlanTable) -> Vec<String> {
 }
 
 #[test]
-fn a_spoilt_file_is_replaced() {
+fn a_damaged_file_is_replaced() {
     let (key, bytes) = sample();
     let directory = tempfile::tempdir().unwrap();
     let cache = Cache::in_directory(directory.path().to_path_buf());

@@ -17,7 +17,7 @@ const FEASIBLE: f64 = 1e-13;
 /// Rows that the dual method exchanges at most; the tests count up to 12.
 const MOST_EXCHANGES: usize = 200;
 /// Part by which a wish that cannot be met is lowered further before the energy is minimised, so that rounding leaves room.
-const ROOM: f64 = 1e-11;
+const ROUNDING_MARGIN: f64 = 1e-11;
 
 /// The terms of one actuator at its frequency in the problem of forces.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,7 +70,7 @@ pub fn allocate_forces(actuator_terms: &[ActuatorTerms<'_>], wanted: &[f64], lim
     if !quadratic {
         return reach;
     }
-    let reachable_fraction = if met < 1.0 { met * (1.0 - ROOM) } else { 1.0 };
+    let reachable_fraction = if met < 1.0 { met * (1.0 - ROUNDING_MARGIN) } else { 1.0 };
     match find_cheapest_forces_for_wish_fraction(actuator_terms, wanted, limits_per_row, reachable_fraction) {
         Some(found) if met < 1.0 => Allocation { met: reachable_fraction, duals: reach.duals, ..found },
         Some(found) => found,
@@ -182,11 +182,11 @@ fn find_forces_for_largest_common_wish_fraction(
         *force = x.clamp(0.0, 1.0) * setting.max_force_n;
     }
     let met = vertex.x.last().copied().unwrap_or(0.0).clamp(0.0, 1.0);
-    let duals = if met < 1.0 - ROOM { &vertex.first } else { &vertex.second };
+    let duals = if met < 1.0 - ROUNDING_MARGIN { &vertex.first } else { &vertex.second };
     let mut duals = duals.iter().zip(&scales).map(|(dual, scale)| dual / scale);
     let load = duals.by_ref().take(limits_per_row.len()).collect();
     let gain = duals.take(wanted.len()).collect();
-    let met = if met < 1.0 - ROOM { met } else { 1.0 };
+    let met = if met < 1.0 - ROUNDING_MARGIN { met } else { 1.0 };
     Allocation {
         forces_n,
         met,

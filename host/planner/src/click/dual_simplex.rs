@@ -268,7 +268,7 @@ mod tests {
 
     /// Its rows leave one solution.
     #[test]
-    fn a_solution_without_room_is_found() {
+    fn a_single_feasible_point_is_found() {
         let make = |upper: f64, cost: f64| BoundedVariable { lower: 0.0, upper, cost };
         let mut simplex = DualSimplex::new(vec![make(2.0, 0.0), make(0.0, 0.0), make(2.0, -1.0)]);
         for (row, limit) in [([-3.0, 0.0, 1.0], -3.0), ([4.0, 0.0, 0.0], 4.0)] {

@@ -31,15 +31,15 @@ pub const NEXT_LOOK_S: f64 = 0.02;
 /// less is not worth one.
 const GROWS_BY: [f64; 3] = [1.0, 0.6, 0.3];
 /// Halvings of a wait or of a part: to 30 us and less than a thousandth.
-const ROOM_HALVINGS: u32 = 10;
+const HEADROOM_HALVINGS: u32 = 10;
 /// Parts of the forces of a change that are looked at.
-const PARTS: u32 = 20;
+const FRACTION_STEPS: u32 = 20;
 /// Part of the room that is taken where a first try was not enough.
 const SURELY: f64 = 0.98;
 /// How often no more than that is taken away.
 const NEARBY: u32 = 3;
 /// Part of a plan's forces below which nothing is driven: 40 dB less than was asked for.
-const LEAST_PART: f64 = 0.01;
+const MIN_FORCE_FRACTION: f64 = 0.01;
 /// Distance in Hz within which two frequencies may be one to the board's timers, which then has one phase.
 const ONE_HZ: f64 = 0.1;
 
@@ -288,7 +288,7 @@ impl ResidualVibration {
             return StartHeadroom::without_wait(force_fraction);
         }
         let (mut low, mut high) = (0.0, longest_s);
-        for _ in 0..ROOM_HALVINGS {
+        for _ in 0..HEADROOM_HALVINGS {
             let middle = 0.5 * (low + high);
             *(if off(middle) >= largest_fraction { &mut high } else { &mut low }) = middle;
         }
@@ -327,20 +327,20 @@ impl ResidualVibration {
                 &current.free_pole_amplitudes_left_by_change_to_next_drives(&self.modes, &motion.lines, part, end_s),
             );
             (0..MAX_ACTUATORS).all(|i| {
-                let anew_m = motion.growth[i] * left_m[i] + part * begun_m[i];
+                let restart_m = motion.growth[i] * left_m[i] + part * begun_m[i];
                 let changed_m =
                     motion.growth[i] * free_m[i] + SOFTENING_GROWTH * changed_m[i] + part * motion.steady_m[i];
-                anew_m.min(changed_m) <= (1.0 + LIMIT_TOLERANCE) * motion.limit_m[i]
+                restart_m.min(changed_m) <= (1.0 + LIMIT_TOLERANCE) * motion.limit_m[i]
             })
         };
         // As near to what is driven now as it is, the least change is none: a weaker one may not fit where a stronger one does.
-        let parts = (0..=PARTS)
+        let parts = (0..=FRACTION_STEPS)
             .rev()
-            .map(|k| f64::from(k) / f64::from(PARTS))
+            .map(|k| f64::from(k) / f64::from(FRACTION_STEPS))
             .take_while(|part| *part > fraction_after_restart);
         let Some(mut low) = parts.into_iter().find(|part| fits(*part)) else { return fraction_after_restart };
-        let mut high = (low + 1.0 / f64::from(PARTS)).min(1.0);
-        for _ in 0..ROOM_HALVINGS {
+        let mut high = (low + 1.0 / f64::from(FRACTION_STEPS)).min(1.0);
+        for _ in 0..HEADROOM_HALVINGS {
             let middle = 0.5 * (low + high);
             *(if fits(middle) { &mut low } else { &mut high }) = middle;
         }
@@ -358,8 +358,8 @@ impl ResidualVibration {
         let left_m = self.bound_travel_left_after_end_m(now_s, now_s + off_s);
         let begun_m = largest_starting_travel_of_each_mass_m(motion, board);
         let of = |i: usize| {
-            let room_m = (1.0 + LIMIT_TOLERANCE) * motion.limit_m[i] - motion.growth[i] * left_m[i];
-            if begun_m[i] <= room_m { 1.0 } else { (room_m / begun_m[i]).max(0.0) }
+            let headroom_m = (1.0 + LIMIT_TOLERANCE) * motion.limit_m[i] - motion.growth[i] * left_m[i];
+            if begun_m[i] <= headroom_m { 1.0 } else { (headroom_m / begun_m[i]).max(0.0) }
         };
         (0..MAX_ACTUATORS).map(of).fold(1.0, f64::min)
     }
@@ -542,7 +542,7 @@ pub fn find_fraction_and_plan_within_headroom<T, E>(
             1..=NEARBY => SURELY,
             _ => SURELY * left,
         };
-        if part < LEAST_PART {
+        if part < MIN_FORCE_FRACTION {
             part = 0.0;
         }
         fitted = weakened_to_fraction(part)?;

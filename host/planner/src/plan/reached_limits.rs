@@ -9,7 +9,7 @@ use crate::table::PlanTable;
 use num_complex::Complex64;
 
 /// Part of a limit that counts as reached: what finds these drives comes as near as that, not to the last digit.
-const REACHED_PART: f64 = 0.95;
+const REACHED_FRACTION: f64 = 0.95;
 
 /// The limits that drives come close to. `derating` is the fraction of the forces that safety has left.
 pub(crate) fn find_limits_nearly_reached_before_derating(
@@ -22,7 +22,7 @@ pub(crate) fn find_limits_nearly_reached_before_derating(
     let forces: Vec<_> =
         drives.iter().map(|drive| (drive.width, drive.force_n / derating.max(f64::MIN_POSITIVE))).collect();
     for (i, (width, force_n)) in forces.iter().enumerate() {
-        if *force_n > 0.0 && *force_n >= width.max_force_n * REACHED_PART {
+        if *force_n > 0.0 && *force_n >= width.max_force_n * REACHED_FRACTION {
             add_limitation_if_new(&mut found, Limitation::for_actuator(table, width.limit, i));
         }
         // Drives of one frequency as phasors.
@@ -35,11 +35,11 @@ pub(crate) fn find_limits_nearly_reached_before_derating(
                 own.sum::<Complex64>().norm()
             })
             .sum();
-        if table.electrodes.get(i).is_some_and(|electrodes| travel >= REACHED_PART * electrodes.max_travel_m()) {
+        if table.electrodes.get(i).is_some_and(|electrodes| travel >= REACHED_FRACTION * electrodes.max_travel_m()) {
             add_limitation_if_new(&mut found, Limitation::for_actuator(table, Limit::Travel, i));
         }
     }
-    for row in table.limits.find_limit_rows_used_above_fraction(&forces, REACHED_PART) {
+    for row in table.limits.find_limit_rows_used_above_fraction(&forces, REACHED_FRACTION) {
         if let Some((actuator, limit)) = table.limits.actuator_and_limit_of_row_if_in_range(row) {
             add_limitation_if_new(&mut found, Limitation::for_actuator(table, limit, actuator));
         }

@@ -142,7 +142,7 @@ fn no_place_is_left_out_that_is_the_weakest() {
 
 /// Equation 23 with the responses of the scene's own elements, at the place that is told.
 #[test]
-fn its_drives_do_there_what_is_told() {
+fn its_drives_do_there_what_is_reported() {
     let scene = odd_plate(&[(0.13, 0.87), (0.71, 0.29)]);
     let found = quick(&scene);
     let model = PanelModel::build(&scene, Accuracy::REFERENCE, OPTIONS.to_hz)

@@ -14,7 +14,7 @@ use serde::Serialize;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 /// Frequencies told of each actuator.
-const TOLD: usize = 4;
+const PRINTED_CANDIDATES: usize = 4;
 /// Pulse widths compared.
 const WIDTHS: [f64; 4] = [0.5, 2.0 / 3.0, 0.8, 0.9];
 /// Harmonics below this are rounding: a pulse width of 2/3 has no third one, and what is computed of it is -330 dB.
@@ -186,7 +186,7 @@ fn list_frequencies_of_largest_contrast(
         .collect();
     frequencies.sort_by(|a, b| b.contrast_db.total_cmp(&a.contrast_db));
     // The chosen one is told whatever its rank.
-    let rest = frequencies.split_off(frequencies.len().min(TOLD));
+    let rest = frequencies.split_off(frequencies.len().min(PRINTED_CANDIDATES));
     if !frequencies.iter().any(|frequency| frequency.chosen) {
         frequencies.extend(rest.into_iter().find(|frequency| frequency.chosen));
     }

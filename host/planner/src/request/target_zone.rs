@@ -12,7 +12,7 @@ use num_complex::Complex64;
 use pulp::Arch;
 
 /// Largest part of the surface that targets take: discs may cover a small surface whole; some of it is always "elsewhere".
-const MOST_PART: f64 = 0.9;
+const MAX_FRACTION: f64 = 0.9;
 
 /// The targets and the surface around them.
 #[derive(Clone, Debug)]
@@ -55,7 +55,7 @@ impl TargetZone {
         Self {
             targets: shapes,
             points,
-            part: (area / table.scene.surface_area_less_cutouts_ignoring_bar_steps_m2()).min(MOST_PART),
+            part: (area / table.scene.surface_area_less_cutouts_ignoring_bar_steps_m2()).min(MAX_FRACTION),
         }
     }
 

@@ -37,7 +37,7 @@ const FAR: f64 = 6.0;
 
 /// Acceleration per newton, root mean square over the surface, which is as good as none, relative to that of the surface without
 /// anything that holds it. Rounding leaves 1e-12 or so of it; a spring of 1e9 N/m under an actuator 1e-5.
-const HELD_FAST: f64 = 1e-9;
+const FIXED_POINT_MOTION_RATIO: f64 = 1e-9;
 
 /// What a table is computed for. It decides which figures are left out.
 #[derive(Clone, Copy, Debug)]
@@ -296,7 +296,7 @@ fn compute_entries_of_all_actuators_unless_unbounded(
         let strongest = *choose_widest_pulse_if_noticeably_stronger(&widths);
         let mut acceleration = displacement * scale;
         let mean_square = mean_square_over_surface(products, &acceleration);
-        if mean_square.sqrt() <= HELD_FAST / mass_kg {
+        if mean_square.sqrt() <= FIXED_POINT_MOTION_RATIO / mass_kg {
             // An ERA on an edge that does not move: of what rounding leaves a touch would ask for all its force.
             acceleration.fill(Complex64::ZERO);
         }

@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 const LAST: Duration = Duration::from_millis(300);
 
 /// How many answers that are others than recorded are told one by one; `--json` has all.
-const TOLD: usize = 20;
+const PRINTED_DIFFERENCES: usize = 20;
 
 /// What became of a request now.
 struct ReplayedRequest {
@@ -199,11 +199,11 @@ fn print_summary_and_fail_if_unanswered_or_lost(
     let lost =
         pages.reason.as_ref().map_or_else(String::new, |reason| format!(", of which {} lost: {reason}", pages.lost));
     let list: Vec<String> = statuses.iter().map(|(status, count)| format!("{count} with status {status}")).collect();
-    let mut told: Vec<String> = otherwise.iter().take(TOLD).map(ChangedAnswer::format_line).collect();
-    if otherwise.len() > TOLD {
+    let mut told: Vec<String> = otherwise.iter().take(PRINTED_DIFFERENCES).map(ChangedAnswer::format_line).collect();
+    if otherwise.len() > PRINTED_DIFFERENCES {
         told.push(format!(
             "  and {} more requests: with --json, the field `otherwise` lists all of them",
-            otherwise.len() - TOLD
+            otherwise.len() - PRINTED_DIFFERENCES
         ));
     }
     let told = told.iter().fold(String::new(), |text, line| text + "\n" + line);

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::sync::{Mutex, PoisonError};
 
 /// Origins that are told; pages make up as many as they like.
-const TOLD: usize = 32;
+const LOGGED_ORIGINS: usize = 32;
 /// Characters of an origin that are told: the longest name of a host has 253.
 const LONGEST: usize = 300;
 
@@ -20,7 +20,7 @@ impl RefusedPages {
     /// Whether this origin is told now: the first time, and as long as there are not too many.
     fn add_origin_if_new_and_within_limit(&self, origin: &str) -> bool {
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        known.len() < TOLD && origin.len() <= LONGEST && known.insert(origin.to_owned())
+        known.len() < LOGGED_ORIGINS && origin.len() <= LONGEST && known.insert(origin.to_owned())
     }
 
     /// Tells of a page that was refused; `allow_origin_value_or_fault` is its origin as `--allow-origin` takes it, or what that wants.
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn each_origin_is_told_once_and_there_is_an_end_to_it() {
+    fn each_origin_is_reported_once_and_there_is_an_end_to_it() {
         let refused_pages = RefusedPages::default();
         assert!(
             refused_pages.add_origin_if_new_and_within_limit("http://localhost:3000")
@@ -82,6 +82,6 @@ mod tests {
         let more = (0..100)
             .filter(|port| refused_pages.add_origin_if_new_and_within_limit(&format!("http://page:{port}")))
             .count();
-        assert_eq!(more, TOLD - 2);
+        assert_eq!(more, LOGGED_ORIGINS - 2);
     }
 }

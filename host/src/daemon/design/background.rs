@@ -131,14 +131,14 @@ impl BackgroundPlace {
     ///
     /// # Errors
     /// [`Problem`]: what is under way there, or that the daemon ends.
-    pub fn occupy_for(&self, work: BackgroundWork) -> Result<TakenPlace, Problem> {
+    pub fn occupy_for(&self, work: BackgroundWork) -> Result<BackgroundPlaceGuard, Problem> {
         let mut taken_for = self.lock_work();
         match *taken_for {
             _ if self.closed.load(Ordering::Relaxed) => Err(SessionError::Closed.into()),
             Some(other) => Err(other.already_under_way_problem()),
             None => {
                 *taken_for = Some(work);
-                Ok(TakenPlace { place: self.clone(), work })
+                Ok(BackgroundPlaceGuard { place: self.clone(), work })
             }
         }
     }
@@ -150,12 +150,12 @@ impl BackgroundPlace {
 
 /// The place is taken until this is dropped.
 #[derive(Debug)]
-pub struct TakenPlace {
+pub struct BackgroundPlaceGuard {
     place: BackgroundPlace,
     work: BackgroundWork,
 }
 
-impl Drop for TakenPlace {
+impl Drop for BackgroundPlaceGuard {
     fn drop(&mut self) {
         *self.place.lock_work() = None;
     }
@@ -267,7 +267,7 @@ impl<F: Clone + Send + 'static> NewestJob<F> {
     /// [`Problem`] if there is no thread for it.
     pub fn start_job(
         &self,
-        taken: TakenPlace,
+        taken: BackgroundPlaceGuard,
         part_count: usize,
         findings_so_far: F,
         work: impl FnOnce(&BackgroundJob<F>) -> Result<Option<F>, String> + Send + 'static,
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stops_fails_or_panics_is_told_and_leaves_the_place_free() {
+    fn what_stops_fails_or_panics_is_reported_and_leaves_the_place_free() {
         let place = BackgroundPlace::default();
         let newest = NewestJob::without_job(0);
         let (began, has_begun) = channel();

@@ -164,7 +164,7 @@ mod tests {
     const PATIENCE: Duration = Duration::from_secs(20);
 
     #[tokio::test]
-    async fn work_ends_with_its_time_and_tells_so() {
+    async fn work_ends_with_its_time_and_reports_this() {
         let (seen, ended) = channel();
         let work = move |deadline: &Deadline| {
             while !deadline.is_cancelled_or_expired() {
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_mistake_in_the_work_is_told() {
+    async fn a_mistake_in_the_work_is_reported() {
         let failed = |_: &Deadline| -> Result<(), Problem> { panic!("a mistake, on purpose") };
         let problem =
             run_low_priority_until_deadline("test", PATIENCE, &RequestSender::default(), failed).await.unwrap_err();

@@ -2,14 +2,14 @@
 
 use super::active::SustainedDrive;
 use super::command::DriveRequest;
-use super::equipment::{BegunDrive, RefusedDrive};
+use super::equipment::{RefusedDrive, StartedDrive};
 use super::order::PreparedPlan;
 use crate::device::AskedAt;
 use crate::planner::residual::RailState;
 use std::pin::Pin;
 use std::time::{Duration, Instant};
 
-type Answer = Pin<Box<dyn Future<Output = Result<BegunDrive, RefusedDrive>> + Send>>;
+type Answer = Pin<Box<dyn Future<Output = Result<StartedDrive, RefusedDrive>> + Send>>;
 
 /// What there is to do with the board.
 pub enum BoardActivity {
@@ -36,7 +36,7 @@ impl std::fmt::Debug for BoardActivity {
 
 impl BoardActivity {
     /// The board's answer; never, if it has not been told anything.
-    pub async fn await_board_answer_or_forever_if_none_is_due(&mut self) -> Result<BegunDrive, RefusedDrive> {
+    pub async fn await_board_answer_or_forever_if_none_is_due(&mut self) -> Result<StartedDrive, RefusedDrive> {
         match self {
             Self::Ordered { answer, .. } => answer.await,
             _ => std::future::pending().await,

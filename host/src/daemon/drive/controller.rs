@@ -73,7 +73,7 @@ impl DriveController {
 
     /// Has the drive of touch `id` go on until `until`: its fingers are still down. Whether it is still what is shown; one that the board does
     /// not drive is given no more time.
-    pub async fn extend_touch_and_check_if_still_shown(&self, id: u64, until: Instant) -> bool {
+    pub async fn extend_touch_and_check_if_still_active(&self, id: u64, until: Instant) -> bool {
         let (reply, answer) = oneshot::channel();
         self.send_command_to_task_starting_it_first_if_needed(DriveCommand::Renew { id, until, reply });
         answer.await.unwrap_or(false)

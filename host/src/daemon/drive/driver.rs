@@ -39,13 +39,13 @@ pub struct TouchDriver {
     pub(super) controller: DriveController,
     /// For effect files, which take no place from touches.
     pub(super) effect_slots: Arc<Slots>,
-    later: Mutex<Option<LaterParts>>,
+    later: Mutex<Option<PendingTouchParts>>,
     closing: watch::Sender<bool>,
 }
 
 /// Parts of a touch that have not begun yet.
 #[derive(Clone, Copy, Debug)]
-struct LaterParts {
+struct PendingTouchParts {
     /// Of which touch.
     id: u64,
     /// [`AskedAt::stops`] of the touch.
@@ -76,7 +76,7 @@ impl TouchDriver {
     pub(super) fn note_later_parts(&self, id: u64, stop_count: u64, last_begin: Instant) {
         let mut later = self.later.lock().unwrap_or_else(PoisonError::into_inner);
         if later.is_none_or(|noted| noted.id <= id) {
-            *later = Some(LaterParts { id, stops: stop_count, last_begin });
+            *later = Some(PendingTouchParts { id, stops: stop_count, last_begin });
         }
     }
 
@@ -226,8 +226,8 @@ impl TouchDriver {
     }
 
     /// Has the drive of plan `id` go on until `until`: its fingers are still down. Whether it is still what is shown.
-    pub async fn extend_touch_and_check_if_still_shown(&self, id: u64, until: Instant) -> bool {
-        self.controller.extend_touch_and_check_if_still_shown(id, until).await
+    pub async fn extend_touch_and_check_if_still_active(&self, id: u64, until: Instant) -> bool {
+        self.controller.extend_touch_and_check_if_still_active(id, until).await
     }
 
     /// Drops touch `id` if it waits for what is left of those before: there is something newer.

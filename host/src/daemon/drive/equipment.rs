@@ -37,7 +37,7 @@ pub struct DriveEquipment {
 
 /// What the board has begun.
 #[derive(Debug)]
-pub struct BegunDrive {
+pub struct StartedDrive {
     /// What it achieves.
     pub achieved: Achieved,
     /// When it ends.
@@ -133,7 +133,7 @@ impl DriveEquipment {
         start: Option<Instant>,
         prepared: PreparedPlan,
         from_zero_volts: bool,
-    ) -> Result<BegunDrive, RefusedDrive> {
+    ) -> Result<StartedDrive, RefusedDrive> {
         let plan = &prepared.plan;
         let content = match &prepared.mode {
             PreparedMode::Hold(hold) => {
@@ -174,15 +174,17 @@ impl DriveEquipment {
         let begun = driven.map(|DriveResult { achieved, effect }| {
             let now = Instant::now();
             match (&prepared.mode, effect) {
-                (PreparedMode::Effect(design), Some(times)) => BegunDrive {
+                (PreparedMode::Effect(design), Some(times)) => StartedDrive {
                     achieved: Achieved::from_effect(plan, design, &achieved, times),
                     until: times.start + times.length,
                 },
                 (PreparedMode::Hold(hold), _) => {
-                    BegunDrive { achieved: Achieved::new(plan, &achieved), until: now + *hold }
+                    StartedDrive { achieved: Achieved::new(plan, &achieved), until: now + *hold }
                 }
                 // The session answers an effect with its times.
-                (PreparedMode::Effect(_), None) => BegunDrive { achieved: Achieved::new(plan, &achieved), until: now },
+                (PreparedMode::Effect(_), None) => {
+                    StartedDrive { achieved: Achieved::new(plan, &achieved), until: now }
+                }
             }
         });
         begun.map_err(|error| {

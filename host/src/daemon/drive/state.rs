@@ -182,7 +182,7 @@ impl DriveState {
 
     /// When what is shown ends; `None` if it has ended, or something else is shown.
     #[must_use]
-    pub fn find_end_of_plan_if_still_shown(&self, active: &Arc<ActivePlan>, now: Instant) -> Option<Instant> {
+    pub fn find_end_of_plan_if_still_active(&self, active: &Arc<ActivePlan>, now: Instant) -> Option<Instant> {
         let is_it = |current: &&CurrentPlan| Arc::ptr_eq(&current.active, active) && now < current.until;
         self.current.as_ref().filter(is_it).map(|current| current.until)
     }

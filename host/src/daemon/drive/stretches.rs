@@ -4,7 +4,7 @@ use super::driver::TouchDriver;
 use crate::daemon::access::client::Asker;
 use crate::daemon::api::problem::Problem;
 use crate::daemon::touch::Touch;
-use crate::daemon::touch::admission::HeldPlace;
+use crate::daemon::touch::admission::PlannerPlaceGuard;
 use crate::daemon::touch::answer::{Achieved, TouchedView};
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::plan_view::PlanView;
@@ -34,7 +34,7 @@ impl TouchDriver {
     pub(super) async fn plan_and_drive_time_spans(
         self: &Arc<Self>,
         asker: &Asker,
-        place: HeldPlace,
+        place: PlannerPlaceGuard,
         id: u64,
         touch: &Touch,
         spans: Vec<Span>,

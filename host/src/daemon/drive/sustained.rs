@@ -1,4 +1,4 @@
-//! Even drives that go on: they grow with the room there is beside what is left of the touches before, are thinned out where a
+//! Even drives that go on: they grow with the headroom beside what is left of the touches before, are thinned out where a
 //! channel's credit falls, and are interrupted by a rest before the board would end its burst.
 
 use super::active::{SustainedDrive, Update};
@@ -24,7 +24,7 @@ const REST_LOOKS: u32 = 500;
 
 impl DriveTask {
     /// When what is shown has to be looked at next; `None` if nothing is shown.
-    pub(super) fn find_next_supervision_time_of_shown_plan(&self) -> Option<Instant> {
+    pub(super) fn find_next_supervision_time_of_active_plan(&self) -> Option<Instant> {
         let now = Instant::now();
         let current = self.state.current.as_ref().filter(|current| now < current.until)?;
         let Some(held) = self.state.sustained.as_ref().filter(|held| Arc::ptr_eq(&held.active, &current.active)) else {
@@ -36,7 +36,7 @@ impl DriveTask {
     }
 
     /// Ends what is shown if a fault, an outage or a restart has ended its drive on the board.
-    pub(super) fn end_shown_plan_that_board_no_longer_drives(&mut self, equipment: &DriveEquipment) {
+    pub(super) fn end_active_plan_that_board_no_longer_drives(&mut self, equipment: &DriveEquipment) {
         let now = Instant::now();
         self.last_look = now;
         let Some(current) = self.state.current.as_ref().filter(|current| now < current.until) else { return };
@@ -78,14 +78,14 @@ impl DriveTask {
                 false,
             );
         } else if held.force_fraction < 1.0 {
-            self.strengthen_drive_if_room(equipment, held, (board, now));
+            self.increase_drive_force_if_headroom(equipment, held, (board, now));
         } else {
             self.state.sustained = Some(held);
         }
     }
 
-    /// Drives more of a plan's forces, if there is room for that.
-    fn strengthen_drive_if_room(
+    /// Drives more of a plan's forces, if there is headroom for that.
+    fn increase_drive_force_if_headroom(
         &mut self,
         equipment: &Arc<DriveEquipment>,
         held: SustainedDrive,
@@ -100,11 +100,11 @@ impl DriveTask {
                 &DriveMode::Hold(hold),
             )
         };
-        let room = |prepared: &PreparedPlan| {
+        let max_fraction = |prepared: &PreparedPlan| {
             self.state.max_force_fraction_beside_earlier_touches(&prepared.motion, prepared.steady_drives(), board, now)
         };
         match compute_catching_panics(|| {
-            find_larger_fraction_and_plan_within_headroom_if_any(held.force_fraction, of_part, room)
+            find_larger_fraction_and_plan_within_headroom_if_any(held.force_fraction, of_part, max_fraction)
         }) {
             Ok(Some((force_fraction, prepared))) => {
                 self.send_sustained_drive_again(equipment, held, force_fraction, prepared, (board, now), false)
@@ -161,7 +161,7 @@ impl DriveTask {
         }
     }
 
-    /// Drives what credit allows, and what there is room for.
+    /// Drives what credit allows, and what there is headroom for.
     fn resend_drive_refit_to_credit_and_headroom(
         &mut self,
         equipment: &Arc<DriveEquipment>,
@@ -176,7 +176,7 @@ impl DriveTask {
             equipment.prepare_scaled_plan(&held.whole_plan, held.credit_fraction, 1.0, drive_mode)
         });
         let fitted = first.and_then(|first| {
-            self.scale_plan_to_room_beside_earlier_touches(
+            self.scale_plan_to_headroom_beside_earlier_touches(
                 equipment,
                 (id, first),
                 &held.whole_plan,
@@ -254,7 +254,7 @@ impl DriveTask {
             self.publish_state_and_send_update_to_pages(Update::Plan(Arc::clone(&shown)));
         }
         // The drives that have just begun do not know of an end, or of more time, that came while they were on their way.
-        if !is_shown || !self.extend_touch_and_check_if_still_shown(equipment, id, now) {
+        if !is_shown || !self.extend_touch_and_check_if_still_active(equipment, id, now) {
             return self.end_touch_at(equipment, id, now);
         }
         self.state.sustained = Some(SustainedDrive { begun, force_fraction, active: shown, ..held });
@@ -277,7 +277,7 @@ impl DriveTask {
         held: &SustainedDrive,
     ) -> Option<Duration> {
         let now = Instant::now();
-        let until = self.state.find_end_of_plan_if_still_shown(&held.active, now)?;
+        let until = self.state.find_end_of_plan_if_still_active(&held.active, now)?;
         (held.asked_at.stops == equipment.session.stop_count()).then(|| until.saturating_duration_since(now))
     }
 }

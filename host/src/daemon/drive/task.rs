@@ -9,7 +9,7 @@ use super::activity::{BoardActivity, DrivePurpose, SentDrive};
 use super::command::{
     DriveCommand, DriveRequest, NextRequest, PublishedDriveState, is_plan_neither_over_nor_stopped, superseded_problem,
 };
-use super::equipment::{BegunDrive, DriveEquipment, RefusedDrive};
+use super::equipment::{DriveEquipment, RefusedDrive, StartedDrive};
 use super::order::{PreparedMode, PreparedPlan, TouchOrder};
 use super::state::DriveState;
 use crate::daemon::api::kinds::ProblemKind;
@@ -103,7 +103,7 @@ impl DriveTask {
     /// When something is to be done without being told.
     fn find_next_due_time(&self) -> Option<Instant> {
         match &self.activity {
-            BoardActivity::Free => self.find_next_supervision_time_of_shown_plan(),
+            BoardActivity::Free => self.find_next_supervision_time_of_active_plan(),
             BoardActivity::Settling { until, .. } | BoardActivity::Resting { until, .. } => Some(*until),
             BoardActivity::Ordered { .. } => None,
         }
@@ -112,7 +112,7 @@ impl DriveTask {
     fn carry_out_due_activity(&mut self, equipment: &Arc<DriveEquipment>) {
         match std::mem::replace(&mut self.activity, BoardActivity::Free) {
             BoardActivity::Free => {
-                self.end_shown_plan_that_board_no_longer_drives(equipment);
+                self.end_active_plan_that_board_no_longer_drives(equipment);
                 self.rest_or_adjust_sustained_drive_if_due(equipment);
             }
             BoardActivity::Settling { request, since, .. } => {
@@ -138,7 +138,7 @@ impl DriveTask {
             DriveCommand::Queue(next) => self.queue_request_superseding_waiting(next),
             DriveCommand::Release { id, when } => self.end_touch_at(equipment, id, when),
             DriveCommand::Renew { id, until, reply } => {
-                let _ = reply.send(self.extend_touch_and_check_if_still_shown(equipment, id, until));
+                let _ = reply.send(self.extend_touch_and_check_if_still_active(equipment, id, until));
             }
             DriveCommand::Withdraw { id } => {
                 if matches!(&self.activity, BoardActivity::Settling { request, .. } if request.order.id == id) {
@@ -254,7 +254,7 @@ impl DriveTask {
     ) {
         let (board, now) = (equipment.read_rail_state_down_up_or_driving(), Instant::now());
         let TouchOrder { id, credit_fraction, ref drive_mode, ref whole_plan, ref first, .. } = request.order;
-        match self.scale_plan_to_room_beside_earlier_touches(
+        match self.scale_plan_to_headroom_beside_earlier_touches(
             equipment,
             (id, first.clone()),
             whole_plan,
@@ -275,7 +275,7 @@ impl DriveTask {
 
     /// As much of `first`, the fraction `credit_fraction` of a `whole_plan` plan, as there is room for on top of what is left of the touches before,
     /// and the fraction of its forces that this is.
-    pub(super) fn scale_plan_to_room_beside_earlier_touches(
+    pub(super) fn scale_plan_to_headroom_beside_earlier_touches(
         &self,
         equipment: &DriveEquipment,
         (id, first): (u64, PreparedPlan),
@@ -316,7 +316,7 @@ impl DriveTask {
     fn record_and_report_board_answer_freeing_board(
         &mut self,
         equipment: &Arc<DriveEquipment>,
-        answer: Result<BegunDrive, RefusedDrive>,
+        answer: Result<StartedDrive, RefusedDrive>,
     ) {
         let BoardActivity::Ordered { sent, newest_before, .. } =
             std::mem::replace(&mut self.activity, BoardActivity::Free)
@@ -335,7 +335,7 @@ impl DriveTask {
             )
         };
         let begun = match answer {
-            Ok(BegunDrive { achieved, until }) => Ok((achieved, until, begin(&mut self.state, until))),
+            Ok(StartedDrive { achieved, until }) => Ok((achieved, until, begin(&mut self.state, until))),
             Err(RefusedDrive { error, may_drive }) => {
                 if may_drive {
                     begin(&mut self.state, Instant::now());
@@ -446,7 +446,7 @@ impl DriveTask {
     }
 
     /// Has the drive of touch `id` go on until `until`; whether it is still what is shown.
-    pub(super) fn extend_touch_and_check_if_still_shown(
+    pub(super) fn extend_touch_and_check_if_still_active(
         &mut self,
         equipment: &DriveEquipment,
         id: u64,

@@ -150,15 +150,15 @@ impl ConnectionServer {
     fn spawn_task_serving_all_or_stop_only_or_drop_if_full(&self, incoming: Incoming, tasks: &mut JoinSet<()>) {
         let place = |places: &Arc<Semaphore>| Arc::clone(places).try_acquire_owned().ok();
         let mut limits = self.limits;
-        let (router, guest) = match place(&self.places) {
+        let (router, stop_connection) = match place(&self.places) {
             Some(place) => (self.all.clone(), Arc::new(StopConnection::new(place))),
             None => match place(&self.stop_places).or_else(|| self.connections.evict_oldest_silent_connection()) {
                 Some(place) => {
                     limits.handshake = limits.handshake.min(limits.stop_headers);
                     limits.headers = limits.headers.min(limits.stop_headers);
-                    let guest = Arc::new(StopConnection::new(place));
-                    self.connections.add_connection(&guest);
-                    (self.stop_only.clone(), guest)
+                    let stop_connection = Arc::new(StopConnection::new(place));
+                    self.connections.add_connection(&stop_connection);
+                    (self.stop_only.clone(), stop_connection)
                 }
                 None => return tracing::warn!("too many connections are open; the daemon refuses a new connection"),
             },
@@ -170,10 +170,10 @@ impl ConnectionServer {
                 let (sender, stream) = RequestSender::pair_peer_close_watcher_with_tcp_connection(stream);
                 let (end, stream) = (
                     ConnectionEnd { peer, sender, scheme: Some(Scheme("http")) },
-                    Lingering::new(guest.wrap_stream_to_note_first_received_bytes(stream)),
+                    Lingering::new(stop_connection.wrap_stream_to_note_first_received_bytes(stream)),
                 );
                 tasks.spawn(async move {
-                    guest.serve_until_evicted(serve_connection(stream, end, router, limits, closing)).await
+                    stop_connection.serve_until_evicted(serve_connection(stream, end, router, limits, closing)).await
                 })
             }
             #[cfg(unix)]
@@ -182,10 +182,10 @@ impl ConnectionServer {
                 let (sender, stream) = RequestSender::pair_peer_close_watcher_with_unix_connection(stream);
                 let (end, stream) = (
                     ConnectionEnd { peer, sender, scheme: None },
-                    Lingering::new(guest.wrap_stream_to_note_first_received_bytes(stream)),
+                    Lingering::new(stop_connection.wrap_stream_to_note_first_received_bytes(stream)),
                 );
                 tasks.spawn(async move {
-                    guest.serve_until_evicted(serve_connection(stream, end, router, limits, closing)).await
+                    stop_connection.serve_until_evicted(serve_connection(stream, end, router, limits, closing)).await
                 })
             }
             Incoming::Tls(stream, acceptor) => {
@@ -193,7 +193,7 @@ impl ConnectionServer {
                 let (sender, stream) = RequestSender::pair_peer_close_watcher_with_tcp_connection(stream);
                 let (end, stream) = (
                     ConnectionEnd { peer, sender, scheme: Some(Scheme("https")) },
-                    Lingering::new(guest.wrap_stream_to_note_first_received_bytes(stream)),
+                    Lingering::new(stop_connection.wrap_stream_to_note_first_received_bytes(stream)),
                 );
                 let serving = async move {
                     match tokio::time::timeout(limits.handshake, acceptor.accept(stream)).await {
@@ -202,7 +202,7 @@ impl ConnectionServer {
                         Err(_) => tracing::debug!("a TLS handshake took too long"),
                     }
                 };
-                tasks.spawn(async move { guest.serve_until_evicted(serving).await })
+                tasks.spawn(async move { stop_connection.serve_until_evicted(serving).await })
             }
         };
     }

@@ -31,7 +31,7 @@ pub async fn drive_fingers_until_page_is_gone(
     fingers: Arc<PageFingers>,
     replies: mpsc::Sender<Value>,
 ) {
-    let mut held_fingers = HeldFingers { client, ..HeldFingers::default() };
+    let mut held_fingers = TouchingFingers { client, ..TouchingFingers::default() };
     loop {
         let step = tokio::select! {
             step = fingers.wait_for_oldest_due_step(|step| held_fingers.find_earliest_drive_time_or_none_if_now(&app, step)) => step,
@@ -60,12 +60,12 @@ pub async fn drive_fingers_until_page_is_gone(
 
 /// The fingers that are down, and what is driven for them.
 #[derive(Debug, Default)]
-struct HeldFingers {
+struct TouchingFingers {
     client: Client,
     down: Vec<i64>,
     /// The plan of the effect that was played last, if nothing else has been driven for these fingers since.
     effect_plan: Option<u64>,
-    held: Option<HeldDrive>,
+    held: Option<FingerDrive>,
     /// The fingers that it is for.
     held_for: Vec<i64>,
     /// What it was driven for, if that goes on for as long as they are.
@@ -78,7 +78,7 @@ struct HeldFingers {
 
 /// An even drive.
 #[derive(Clone, Copy, Debug)]
-struct HeldDrive {
+struct FingerDrive {
     plan: u64,
     /// Since when its fingers are down.
     since: Instant,
@@ -86,7 +86,7 @@ struct HeldDrive {
     least: Duration,
 }
 
-impl HeldDrive {
+impl FingerDrive {
     /// The drive `plan` of a step, in place of the one before.
     fn begin_or_continue_since_earlier_start(before: Option<Self>, plan: u64, step: &FingerStep) -> Self {
         // A texture is felt while its finger moves; it is no tap.
@@ -100,7 +100,7 @@ impl HeldDrive {
     }
 }
 
-impl HeldFingers {
+impl TouchingFingers {
     /// When a step may be driven: not before a finger that is lifted by then, or an effect, has been felt for a while; fingers that only move not
     /// before their effect has come to its end.
     fn find_earliest_drive_time_or_none_if_now(&self, app: &App, step: &FingerStep) -> Option<Instant> {
@@ -138,14 +138,14 @@ impl HeldFingers {
         fingers: &PageFingers,
         replies: &mpsc::Sender<Value>,
     ) {
-        let Some((step, HeldDrive { plan, .. })) = self.still.clone().zip(self.held) else { return };
+        let Some((step, FingerDrive { plan, .. })) = self.still.clone().zip(self.held) else { return };
         let until = Instant::now() + Duration::from_millis(u64::from(MAX_DURATION_MS));
         if app.driver.stop_count() != step.stops
             || app.driver.count_unrequested_disarms_faults_and_outages_of_board() != self.interruptions
             || app.driver.is_board_known_to_be_disarmed()
         {
             self.still = None;
-        } else if !app.driver.extend_touch_and_check_if_still_shown(plan, until).await
+        } else if !app.driver.extend_touch_and_check_if_still_active(plan, until).await
             && app.driver.find_active_plan().is_none()
             && !app.driver.does_newest_touch_have_parts_yet_to_begin()
             // What is being planned is somebody's touch, and would be older than this.
@@ -213,7 +213,7 @@ impl HeldFingers {
                     // An effect ends by itself, whatever the fingers do meanwhile.
                     DriveMode::Effect(_) | DriveMode::Designed(_) => None,
                     DriveMode::Hold(_) => {
-                        Some(HeldDrive::begin_or_continue_since_earlier_start(self.held, done.plan_id, &step))
+                        Some(FingerDrive::begin_or_continue_since_earlier_start(self.held, done.plan_id, &step))
                     }
                 };
                 Ok(())

@@ -19,9 +19,9 @@ use std::ops::Range;
 
 /// How far outside the screen a finger counts as at its edge, as a part of that side: touch controllers report such places of fingers that come
 /// over the edge.
-const EDGE_PART: f64 = 0.01;
+const EDGE_FRACTION: f64 = 0.01;
 /// Most fingers of one message that are told to be wrong one by one.
-const MOST_TOLD: usize = 10;
+const MAX_REPORTED_FINGERS: usize = 10;
 const WANTED_MESSAGE: ExpectedForm<'_> = ExpectedForm {
     subject: "The whole message",
     form: r#"{"type": "touch", "touches": [...]}, {"type": "controls", "controls": [...]} or {"type": "stop"}"#,
@@ -110,7 +110,7 @@ impl IncomingMessage {
         let mut wrong = 0_usize;
         let mut refuse = |problem: Problem, id: Option<i64>, problems: &mut Vec<Problem>| {
             wrong += 1;
-            if wrong <= MOST_TOLD {
+            if wrong <= MAX_REPORTED_FINGERS {
                 problems.push(match id {
                     Some(id) => problem.with_finger_id_and_detail_prefix(id),
                     None => problem,
@@ -214,7 +214,7 @@ fn parse_finger_clamped_to_screen_edge_and_check_it(text: &str, scene: &Scene) -
     let screen = &scene.screen;
     for (place, side) in [(&mut finger.x_px, screen.width_px), (&mut finger.y_px, screen.height_px)] {
         let side = f64::from(side);
-        if (-EDGE_PART * side..=(1.0 + EDGE_PART) * side).contains(place) {
+        if (-EDGE_FRACTION * side..=(1.0 + EDGE_FRACTION) * side).contains(place) {
             *place = place.clamp(0.0, side);
         }
     }

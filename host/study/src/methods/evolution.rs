@@ -157,14 +157,14 @@ mod tests {
 
     /// One of two hollows is deeper: a search that ends in the other one begins anew.
     #[test]
-    fn a_search_that_has_arrived_begins_anew() {
+    fn a_search_that_has_arrived_begins_again() {
         let hollow = |x: &[f64], at: f64| -(-((x[0] - at).powi(2) + (x[1] - at).powi(2)) / 0.06).exp();
         let (at, _) = found(&evolution(2, 8, 1), 0, 200, |x| hollow(x, 0.75) + 1.3 * hollow(x, 0.15));
         assert!((at[0] - 0.15).abs() < 0.02 && (at[1] - 0.15).abs() < 0.02, "{at:?}");
     }
 
     #[test]
-    fn what_is_told_makes_the_same_generations_again_and_other_ones_of_other_values() {
+    fn what_is_reported_makes_the_same_generations_again_and_other_ones_of_other_values() {
         let evolution = evolution(2, 6, 2);
         let first = evolution.points_of_next_generation_restarting_ended_search(1, &[]);
         let losses: Vec<f64> = first.iter().map(|point| point[0]).collect();

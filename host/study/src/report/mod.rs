@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bounds_are_never_told_smaller() {
+    fn bounds_are_never_reported_smaller() {
         let told =
             [1.4e-3, 1e-3, 9.5e-5, 0.0, f64::INFINITY].map(format_bound_in_scientific_notation_rounded_up_to_one_digit);
         assert_eq!(told, ["2e-3", "1e-3", "1e-4", "0e0", "inf"]);

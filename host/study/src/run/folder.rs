@@ -250,7 +250,7 @@ mod tests {
 
     /// A machine that lost its power may leave a key of no bytes, or of zeros. It is written anew, unless there are rows of another study.
     #[test]
-    fn a_damaged_key_is_written_anew_beside_rows_of_the_same_study_only() {
+    fn a_damaged_key_is_written_again_beside_rows_of_the_same_study_only() {
         let place = tempfile::tempdir().unwrap();
         let key = place.path().join(KEY);
         let task = StudyTask::Designs { chunk: 0 };
@@ -276,7 +276,7 @@ mod tests {
 
     /// A place that cannot be written to stands for one without room: the error names it, and nothing half-written is left.
     #[test]
-    fn what_cannot_be_written_is_told_and_leaves_nothing() {
+    fn what_cannot_be_written_is_reported_and_leaves_nothing() {
         let place = tempfile::tempdir().unwrap();
         let folder = StudyFolder::open_or_create_refusing_folder_of_other_study(place.path(), [7; 32]).unwrap();
         let task = StudyTask::Designs { chunk: 0 };

@@ -6,7 +6,7 @@ use era_model::scene::{Scene, SceneError};
 use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
 
 /// Mistakes of one design that are told: every row of a study has its own.
-const MOST_TOLD: usize = 8;
+const MAX_LISTED_VALUES: usize = 8;
 
 /// Why a design is none.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -34,8 +34,9 @@ pub enum RefusedDesign {
 impl RefusedDesign {
     fn from_scene_error(error: &SceneError) -> Self {
         // Without the file's name and lines: the text is the design's, not the file's.
-        let told: Vec<&str> = error.mistakes.iter().take(MOST_TOLD).map(|mistake| mistake.text.as_str()).collect();
-        let more = error.mistakes.len().saturating_sub(MOST_TOLD);
+        let told: Vec<&str> =
+            error.mistakes.iter().take(MAX_LISTED_VALUES).map(|mistake| mistake.text.as_str()).collect();
+        let more = error.mistakes.len().saturating_sub(MAX_LISTED_VALUES);
         let more = if more == 0 { String::new() } else { format!("; and {more} more mistakes") };
         Self::Scene(told.join("; ") + &more)
     }

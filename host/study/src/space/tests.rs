@@ -195,7 +195,7 @@ fn hold(error: &SceneError, expected: &[(usize, &str)]) {
 }
 
 #[test]
-fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
+fn what_leads_nowhere_or_is_never_taken_is_reported_with_its_line() {
     let study = "[[variable]]\nkey = \"support[7].x_mm\"\nfrom = 0\nto = 1\n\
                  [[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 200\nto = 300\n\
                  [[variable]]\nplace = \"actuator.right\"\nmirror_of = \"actuator.left\"\nmirrored = \"x\"\n\
@@ -213,7 +213,7 @@ fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
 }
 
 #[test]
-fn a_count_of_what_is_no_list_is_told_what_may_be_meant() {
+fn a_count_of_what_is_no_list_is_reported_with_what_may_be_meant() {
     for (list, hint) in [("actuators", "did you mean actuator?"), ("mass", "lists in the scene: support, actuator")] {
         let study = format!("[[variable]]\ncount = \"{list}\"\nfrom = 1\nto = 2\n");
         let expected = format!("the scene has no [[{list}]]; {hint}");
@@ -251,7 +251,7 @@ fn values_that_the_scene_takes_in_some_designs_are_no_mistake() {
 
 /// Of two variables that change the same the first would come to nothing, and of two columns with one name one would be lost.
 #[test]
-fn variables_that_are_not_held_apart_are_told_with_both_lines() {
+fn variables_that_are_not_held_apart_are_reported_with_both_lines() {
     let study = "[[variable]]\nkey = \"support[1].x_mm\"\nfrom = 0\nto = 1\n\
                  [[variable]]\nname = \"other\"\nkey = \"support.*.x_mm\"\nfrom = 0\nto = 300\n\
                  [[variable]]\nname = \"status\"\nkey = \"surface.thickness_mm\"\nfrom = 1\nto = 2\n\
@@ -294,7 +294,7 @@ fn variables_that_are_not_held_apart_are_told_with_both_lines() {
 }
 
 #[test]
-fn what_is_off_or_apart_and_leads_nowhere_is_told_with_its_line() {
+fn what_is_off_or_apart_and_leads_nowhere_is_reported_with_its_line() {
     let study = "[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 1\nto = 2\n\
                  [[apart]]\ndistance_mm = 30\nplaces = [\"actuator.*\", \"actuator.middle\"]\n\
                  [[uncertain]]\npart = 0.1\nkey = \"surface.kind\"\n\

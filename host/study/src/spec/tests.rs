@@ -8,7 +8,7 @@ fn told(text: &str) -> Vec<(usize, String)> {
 }
 
 #[test]
-fn every_mistake_is_told_with_key_value_allowed_and_line() {
+fn every_mistake_is_reported_with_key_value_allowed_and_line() {
     let text = "version = 2\nname = \"s\"\nscene = \"x.toml\"\nspeed = 1\n\
                 [[variable]]\nkey = \"support[0].x_mm\"\nfrom = 3\nto = 1\n\
                 [[variable]]\nplace = \"actuator.left\"\nwithin_mm = [0, 0, 1]\n\
@@ -45,7 +45,7 @@ fn every_mistake_is_told_with_key_value_allowed_and_line() {
 
 /// Keys that are known, where nothing asks for them.
 #[test]
-fn keys_that_do_not_apply_are_told_with_the_reason() {
+fn keys_that_do_not_apply_are_reported_with_the_reason() {
     let of = |rest: &str| told(&format!("version = 1\nname = \"s\"\nscene = \"x.toml\"\n{rest}"));
     let wish = "[[wish]]\nfigure = \"mass_g\"\n";
     let [key, place] = ["key", "place"].map(|kind| format!("{wish}[[variable]]\n{kind} = \"a.b\"\n"));

@@ -37,7 +37,7 @@ fn of<'a>(findings: &'a [Value], check: &str) -> &'a Value {
 }
 
 #[test]
-fn a_device_that_is_well_is_heard_and_not_armed() {
+fn a_device_that_is_well_answers_and_is_not_armed() {
     let device = device();
     let ask = || doctor(&["--device", device.port_path()]);
     // The clock is that of a machine which other tests keep busy: it is told as a warning, and asked again.
@@ -53,7 +53,7 @@ fn a_device_that_is_well_is_heard_and_not_armed() {
 }
 
 #[test]
-fn open_loops_a_silent_line_and_a_held_port_are_told() {
+fn open_loops_a_silent_line_and_a_held_port_are_reported() {
     let device = device();
     spoil(&device.control(), Defects { interlock_open: true, ..Defects::default() });
     let (findings, code) = doctor(&["--device", device.port_path()]);
@@ -74,7 +74,7 @@ fn open_loops_a_silent_line_and_a_held_port_are_told() {
 }
 
 #[test]
-fn mistakes_in_files_are_told_and_the_simulated_device_needs_nothing() {
+fn mistakes_in_files_are_reported_and_the_simulated_device_needs_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("panel.toml");
     std::fs::write(&scene, "version = 1\n").unwrap();

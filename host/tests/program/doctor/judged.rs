@@ -45,7 +45,7 @@ fn well() -> Facts {
             path: PATH.into(),
             access: PortGroupAccess { group: Some("plugdev".into()), is_member: true },
             holders: Vec::new(),
-            answer: PortAnswer::Heard(well_heard()),
+            answer: PortAnswer::Answered(well_heard()),
         }),
         address: "127.0.0.1:7878".into(),
         is_address_named: false,
@@ -73,7 +73,7 @@ fn change_board_report(change: impl FnOnce(&mut BoardReport)) -> impl FnOnce(&mu
     move |facts| {
         let mut heard = well_heard();
         change(&mut heard);
-        set_port_answer(facts, PortAnswer::Heard(heard));
+        set_port_answer(facts, PortAnswer::Answered(heard));
     }
 }
 
@@ -115,7 +115,7 @@ fn nothing_is_said_against_a_machine_on_which_all_is_well() {
 }
 
 #[test]
-fn a_board_that_is_not_there_is_told() {
+fn a_board_that_is_not_there_is_reported() {
     let gone = |facts: &mut Facts| {
         facts.ports.clear();
         facts.chosen = None;
@@ -154,7 +154,7 @@ fn the_numbers_alone_make_no_board() {
 }
 
 #[test]
-fn troubles_of_the_port_are_told() {
+fn troubles_of_the_port_are_reported() {
     let denied = |facts: &mut Facts| {
         set_port_answer(facts, PortAnswer::Denied);
         facts.chosen.as_mut().unwrap().access = PortGroupAccess { group: Some("dialout".into()), is_member: false };
@@ -198,12 +198,12 @@ fn troubles_of_the_port_are_told() {
 }
 
 #[test]
-fn troubles_of_the_machine_are_told() {
+fn troubles_of_the_machine_are_reported() {
     is(&after("udev-rule", |facts| facts.rules = Some(Vec::new())), Warning, &["era install"]);
     is(&after("modem-manager", |facts| facts.rules = Some(Vec::new())), Warning, &["process 700", "era install"]);
     is(&after("realtime", |facts| facts.realtime = Some(0)), Warning, &["LimitRTPRIO"]);
-    let stranger = |facts: &mut Facts| facts.daemon = Daemon::Stranger("it answers 404".into());
-    is(&after("daemon", stranger), Problem, &["127.0.0.1:7878", "--listen"]);
+    let other_program = |facts: &mut Facts| facts.daemon = Daemon::OtherProgram("it answers 404".into());
+    is(&after("daemon", other_program), Problem, &["127.0.0.1:7878", "--listen"]);
     for (check, field) in [("config", 0), ("scene", 1)] {
         let broken = |facts: &mut Facts| {
             let file = if field == 0 { &mut facts.config } else { &mut facts.scene };
@@ -217,7 +217,7 @@ fn troubles_of_the_machine_are_told() {
 }
 
 #[test]
-fn troubles_of_the_board_are_told() {
+fn troubles_of_the_board_are_reported() {
     is(
         &after("firmware", change_board_report(|it| it.protocol = Some(1))),
         Warning,
@@ -295,7 +295,7 @@ fn a_running_daemon_answers_for_its_board() {
 
 /// The daemon's device is asked for its fault whatever it is: nobody else knows it.
 #[test]
-fn a_fault_of_the_daemons_device_is_told_whichever_that_is() {
+fn a_fault_of_the_daemons_device_is_reported_whichever_that_is() {
     let runs = |fault: Option<FaultCode>| Daemon::Runs {
         version: env!("CARGO_PKG_VERSION").into(),
         port: "/dev/pts/7".into(),

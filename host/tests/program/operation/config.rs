@@ -4,7 +4,7 @@ use crate::support::program::{run_era, run_era_json};
 use serde_json::Value;
 
 #[test]
-fn what_would_be_used_is_told_with_where_it_comes_from() {
+fn what_would_be_used_is_reported_with_where_it_comes_from() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("era.toml");
     std::fs::write(folder.path().join("panel.toml"), era::scene::STARTING_PLATE).unwrap();
@@ -32,7 +32,7 @@ fn what_would_be_used_is_told_with_where_it_comes_from() {
 }
 
 #[test]
-fn mistakes_are_told_with_their_lines_by_check_and_by_serve() {
+fn mistakes_are_reported_with_their_lines_by_check_and_by_serve() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("era.toml");
     let name = file.to_str().unwrap();

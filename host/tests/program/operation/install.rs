@@ -110,7 +110,7 @@ fn a_user_is_told_what_to_run() {
 
 /// What would look like a working service and is none.
 #[test]
-fn a_service_that_drives_no_board_or_a_program_of_a_build_is_told() {
+fn a_service_that_drives_no_board_or_a_program_of_a_build_is_reported() {
     let home = tempfile::tempdir().unwrap();
     let config = home.path().join("era/era.toml");
     std::fs::create_dir_all(config.parent().unwrap()).unwrap();

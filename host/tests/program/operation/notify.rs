@@ -40,7 +40,7 @@ fn make_socket_and_serve_command_that_notifies_it(folder: &Path) -> (UnixDatagra
 }
 
 #[test]
-fn ready_alive_and_stopping_are_told() {
+fn ready_alive_and_stopping_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let (socket, mut command) = make_socket_and_serve_command_that_notifies_it(folder.path());
     command.env("WATCHDOG_USEC", "400000");

@@ -194,7 +194,7 @@ mod tests {
 
     /// By the echo alone, whatever the touches came to, and only where it was beside them.
     #[test]
-    fn a_disturbed_machine_is_told_by_the_echo() {
+    fn a_disturbed_machine_is_reported_by_the_echo() {
         for touch_ms in [0.1, 9.0] {
             let row = |rate, echo_ms| beside_an_echo(rate, touch_ms, echo_ms);
             assert_eq!(row(1.0, 0.49).describe_machine_disturbance_if_simultaneous_echo_was_slow(), None);

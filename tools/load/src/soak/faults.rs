@@ -84,7 +84,7 @@ impl Faults<'_> {
                 FaultKind::RequestsLost,
                 FaultKind::RubbishToBoard,
                 FaultKind::RubbishToHost,
-                FaultKind::Held,
+                FaultKind::DaemonSuspended,
             ];
             self.random.shuffle(&mut order);
             for kind in order {
@@ -343,7 +343,7 @@ impl Faults<'_> {
             Self::sum_doubt_outage_and_fault_counts_in_metrics(text) > before
         });
         self.ledger.record_fault_and_print_misses(
-            FaultKind::Held,
+            FaultKind::DaemonSuspended,
             later_if_both_seen(off, noticed),
             self.retry_touch_and_measure_time_until_driven(),
         );

@@ -212,7 +212,7 @@ fn serve_metrics_with_late_loss(lost: Arc<OnceLock<Instant>>, after: Duration) -
 }
 
 #[test]
-fn a_loss_that_is_told_late_is_named() {
+fn a_loss_that_is_reported_late_is_named() {
     let lost = Arc::new(OnceLock::new());
     let address = serve_metrics_with_late_loss(Arc::clone(&lost), Duration::from_millis(150));
     let found = verdict_on_address(address, |faults| {

@@ -29,7 +29,7 @@ pub enum FaultKind {
     /// Clients that read nothing from the live socket.
     SlowReader,
     /// The daemon does not run for a while.
-    Held,
+    DaemonSuspended,
     /// The daemon is killed and started again.
     Killed,
 }
@@ -47,7 +47,7 @@ impl Display for FaultKind {
             Self::SlowHeader => "client sends half a header",
             Self::SlowBody => "client sends half a body",
             Self::SlowReader => "client reads nothing of /v1/live",
-            Self::Held => "daemon held (SIGSTOP)",
+            Self::DaemonSuspended => "daemon held (SIGSTOP)",
             Self::Killed => "daemon killed (SIGKILL)",
         })
     }
@@ -133,8 +133,16 @@ mod tests {
     #[test]
     fn what_is_not_seen_is_a_miss() {
         let mut ledger = FaultLedger::default();
-        ledger.record_fault_and_print_misses(FaultKind::Held, Ok(Duration::from_millis(3)), Ok(Duration::ZERO));
-        ledger.record_fault_and_print_misses(FaultKind::Held, Ok(Duration::from_millis(2)), Err("no answer".into()));
+        ledger.record_fault_and_print_misses(
+            FaultKind::DaemonSuspended,
+            Ok(Duration::from_millis(3)),
+            Ok(Duration::ZERO),
+        );
+        ledger.record_fault_and_print_misses(
+            FaultKind::DaemonSuspended,
+            Ok(Duration::from_millis(2)),
+            Err("no answer".into()),
+        );
         let total = ledger.sum_counts_with_longest_times_over_kinds();
         assert_eq!((total.injected, total.detected, total.recovered), (2, 2, 1));
         assert_eq!((total.detection, ledger.misses.len()), (Duration::from_millis(3), 1));

@@ -13,7 +13,7 @@ const PULL_IN: f64 = 1.0 / 3.0;
 /// One answer in so many may be a refusal that nothing in the run asks for.
 const UNEXPECTED: u64 = 100;
 /// Longest from the loss of the board until it is told, in ms.
-const LOSS_TOLD_MS: f64 = 100.0;
+const LOSS_REPORTED_WITHIN_MS: f64 = 100.0;
 
 /// All that was counted and seen.
 #[derive(Debug)]
@@ -62,13 +62,13 @@ impl Report {
     }
 
     /// Losses of the board that were told too late, in words.
-    fn describe_board_losses_told_late(&self) -> Option<String> {
+    fn describe_board_losses_reported_late(&self) -> Option<String> {
         let losses = &self.ledger.losses;
-        let late = losses.count_missing_or_longer_than(LOSS_TOLD_MS);
+        let late = losses.count_missing_or_longer_than(LOSS_REPORTED_WITHIN_MS);
         let longest = losses.longest_counting_missing_as_infinite_ms().filter(|_| late > 0)?;
         let of = losses.len();
         Some(format!(
-            "{late} of {of} losses of the board were reported after more than {LOSS_TOLD_MS} ms, the last after \
+            "{late} of {of} losses of the board were reported after more than {LOSS_REPORTED_WITHIN_MS} ms, the last after \
              {longest:.0} ms"
         ))
     }
@@ -122,7 +122,7 @@ impl Report {
         wrong.extend(self.describe_lack_of_driven_touches_or_arming_and_excess_refusals());
         wrong.extend(self.describe_latched_faults_exceeding_injected());
         wrong.extend(self.ledger.misses.iter().cloned());
-        wrong.extend(self.describe_board_losses_told_late());
+        wrong.extend(self.describe_board_losses_reported_late());
         wrong.extend(self.describe_growth_beyond_allowance_before_kill_and_at_end());
         wrong.extend(self.ended.as_ref().map(|log| format!("the daemon has ended by itself; its log:\n{log}")));
         (!wrong.is_empty()).then(|| wrong.join("; "))
@@ -221,7 +221,7 @@ pub mod tests {
     }
 
     #[test]
-    fn a_loss_that_is_told_in_time_is_none() {
+    fn a_loss_that_is_reported_in_time_is_none() {
         let mut told = make_report_without_failures();
         told.ledger.losses.add_time(Duration::from_millis(100));
         assert_eq!(told.find_failures(), None);

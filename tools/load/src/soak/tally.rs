@@ -5,7 +5,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// Lost touches of which is told what is known.
-const TOLD: usize = 20;
+const PRINTED_ERRORS: usize = 20;
 
 /// How a touch, or a request to arm, was answered.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -93,7 +93,7 @@ impl Tally {
     pub fn record_and_print_lost_touch(&mut self, what: String) {
         eprintln!("lost: {what}");
         self.lost += 1;
-        if self.losses.len() < TOLD {
+        if self.losses.len() < PRINTED_ERRORS {
             self.losses.push(what);
         }
     }
@@ -114,7 +114,7 @@ impl Tally {
         self.killed += other.killed;
         self.lost += other.lost;
         self.losses.extend(other.losses);
-        self.losses.truncate(TOLD);
+        self.losses.truncate(PRINTED_ERRORS);
         self.times.merge(other.times);
         self.live_times.merge(other.live_times);
         self.reconnects += other.reconnects;

@@ -173,7 +173,11 @@ fn check_random_drive_changes_on_one_set_of_timers(mut run: TimerRun<'_>, max_dr
             // Played, reversed and all, at a start that falls anywhere.
             for channel in 0..MAX_CHANNELS {
                 let start_us = run.now_us + run.random.u64(0..20_000);
-                let _ = run.timers.sequencer.queue_effect_if_goal_and_room(channel, start_us, &Effect::new_click(3, 2));
+                let _ = run.timers.sequencer.queue_effect_if_goal_and_queue_not_full(
+                    channel,
+                    start_us,
+                    &Effect::new_click(3, 2),
+                );
             }
         }
         // Most changes come before the last one has had its effect.

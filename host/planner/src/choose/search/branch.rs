@@ -9,7 +9,7 @@ use crate::scene::MAX_ACTUATORS;
 /// What is nearer than this to the best, as a part of it, is as good.
 const AS_GOOD: f64 = 1e-10;
 /// Part of the wishes that is nothing: a millionth of what wishes count at most over what can be reached at all.
-const NO_PART: f64 = 1e-12;
+const NEGLIGIBLE_FRACTION: f64 = 1e-12;
 /// Bounds of all combinations together, at most, before they are divided, and those of a part.
 const FIRST_ROUNDS: usize = 30;
 const PART_ROUNDS: usize = 6;
@@ -180,7 +180,7 @@ impl<'a> BranchAndBound<'a> {
             .map_or(f64::NEG_INFINITY, |(_, best)| self.kind.value_to_maximise_or_minus_infinity_if_wishes_unmet(best));
         match self.kind {
             _ if !worth.is_finite() => worth,
-            SearchGoal::Reach => worth + AS_GOOD * worth + NO_PART,
+            SearchGoal::Reach => worth + AS_GOOD * worth + NEGLIGIBLE_FRACTION,
             SearchGoal::Cost => worth + AS_GOOD * worth.abs(),
         }
     }
@@ -200,7 +200,7 @@ impl<'a> BranchAndBound<'a> {
     fn relative_optimality_gap(&self, upper_bound: f64) -> f64 {
         let Some((_, best)) = self.best.as_ref().filter(|_| upper_bound > self.pruning_threshold()) else { return 0.0 };
         match self.kind {
-            SearchGoal::Reach => upper_bound.min(1.0) / best.met.max(NO_PART) - 1.0,
+            SearchGoal::Reach => upper_bound.min(1.0) / best.met.max(NEGLIGIBLE_FRACTION) - 1.0,
             SearchGoal::Cost => ((best.cost + upper_bound) / best.cost).min(1.0),
         }
     }

@@ -14,7 +14,7 @@ const RIDGE: f64 = 1e-14;
 const RIDGE_GROWTH: f64 = 16.0;
 const MOST_RIDGE: f64 = 1e-3;
 /// Part of the ridge that a pivot has to keep.
-const PIVOT_PART: f64 = 0.25;
+const PIVOT_FRACTION: f64 = 0.25;
 
 /// The optimum at one frequency if nothing were limited.
 #[derive(Clone, Copy, Debug)]
@@ -73,7 +73,7 @@ fn compute_unlimited_efficiency_if_positive_definite(
     let mut efficiency = 0.0;
     for i in actuator_indices_in_mask(actuator_mask) {
         let pivot = matrix[i][i].re;
-        if pivot.is_nan() || pivot <= PIVOT_PART * ridge * field.energy[frequency][i][i].re {
+        if pivot.is_nan() || pivot <= PIVOT_FRACTION * ridge * field.energy[frequency][i][i].re {
             return None;
         }
         efficiency += right[i].norm_sqr() / pivot;

@@ -11,7 +11,7 @@ use era_shared::supply::{RAILS, rail_index_of_channel};
 use era_shared::waveform::MAX_WINDOWS;
 
 /// Room that windows keep for corrections, as a part of their force.
-const ROOM: f64 = 0.06;
+const CORRECTION_HEADROOM: f64 = 0.06;
 /// From one voltage of a rail to the next, as a factor: forces are up to a sixth larger than needed, and windows narrower.
 const RAIL_STEP: f64 = 1.08;
 /// Least voltage in V of a rail that is used: a board does not discharge rails below 60 V, and its self-test leaves them at 50 V.
@@ -54,7 +54,7 @@ impl ClickDesigner<'_> {
         let most = on_rail.map(|push| push.part).fold(0.0, f64::max);
         let highest = (0..self.actuators.len()).filter(|i| rail_index_of_channel(*i) == rail);
         let highest_v = highest.filter_map(|i| self.actuators.get(i)).map(|own| own.highest_v).fold(0.0, f64::max);
-        let least_v = (highest_v * (most * (1.0 + ROOM)).min(1.0).sqrt()).max(LEAST_RAIL_V);
+        let least_v = (highest_v * (most * (1.0 + CORRECTION_HEADROOM)).min(1.0).sqrt()).max(LEAST_RAIL_V);
         (if most > 0.0 { least_v } else { 0.0 }, highest_v)
     }
 

@@ -182,7 +182,7 @@ fn what_goes_on_as_it_is_or_nearly_keeps_its_strength() {
 }
 
 #[test]
-fn the_force_of_a_change_is_the_most_there_is_room_for() {
+fn the_force_of_a_change_is_the_largest_within_headroom() {
     // Twice the force at the same frequency: what is changed is as much as there was.
     let (mut residual, first) = (residual(), drives(0.4, 100.0));
     residual.record_drives_that_begin_in_place_of_others(
@@ -221,7 +221,7 @@ fn what_electrodes_make_grow_counts_for_more() {
 }
 
 #[test]
-fn weaker_until_there_is_room() {
+fn weaker_until_there_is_headroom() {
     // What takes headroom by the root of its force: the first try is not enough.
     let tries = std::cell::RefCell::new(Vec::new());
     let weaker = |part: f64| -> Result<f64, ()> {
@@ -238,7 +238,7 @@ fn weaker_until_there_is_room() {
 
 /// What is near to what is driven has headroom, as little is left of the change; what is weaker by much has next to none.
 #[test]
-fn a_narrow_room_is_found() {
+fn a_narrow_feasible_region_is_found() {
     let headroom = |part: &f64| match *part {
         part if part > 0.99 => 0.97,
         part if part > 0.95 => 0.99,

@@ -205,7 +205,7 @@ fn the_stepper_follows_the_closed_form() {
 /// Travel stepped while a drive's force grows with the square of the time, against the steady one and what is told to come on
 /// top. At 223 Hz a mode of the random panel takes the ERA's motion away, and takes its time over it.
 #[test]
-fn switching_on_goes_as_far_as_is_told() {
+fn switching_on_goes_as_far_as_is_reported() {
     let absorbed = crate::scene::random::random_scene_text(1, 130);
     let (mut beyond, mut largest) = (0, 0.0_f64);
     for (text, frequencies_hz) in [

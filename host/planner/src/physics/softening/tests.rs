@@ -272,7 +272,7 @@ fn what_has_no_steady_motion_is_not_safe() {
 }
 
 #[test]
-fn limits_are_told_in_their_order() {
+fn limits_are_reported_in_their_order() {
     let (stop_m, sag_m) = (f64::INFINITY, 0.0);
     let electrodes = Electrodes {
         area_m2: 1.9635e-3,

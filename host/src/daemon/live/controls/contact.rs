@@ -7,21 +7,21 @@ use std::f64::consts::TAU;
 use std::time::Instant;
 
 /// Strength of what is felt when a finger is lifted, of that when it came down: that of the primitive `release` of effect files.
-const RELEASE_PART: f64 = 0.6;
+const RELEASE_FRACTION: f64 = 0.6;
 /// Strength of a toggle that is switched off, of that of one that is switched on: the least difference that is told apart at once is some 20 %.
-const OFF_PART: f64 = 0.6;
+const SWITCH_OFF_INTENSITY_FRACTION: f64 = 0.6;
 /// How far inside of a slider's ends its first and its last detent are, in px: a screen of 1920 px has no finger at 1920.
 const INSET_PX: f64 = 2.0;
 /// The same at most, as a part of the distance between two detents.
-const INSET_PART: f64 = 0.125;
+const INSET_FRACTION: f64 = 0.125;
 /// How far behind its last detent a finger behind the end of a slider is taken to be, in steps: less than the hysteresis.
 const BEHIND_END: f64 = 0.01;
 /// Within this part of a dial's radius a finger has no angle that means anything.
-const HUB_PART: f64 = 0.15;
+const HUB_FRACTION: f64 = 0.15;
 /// How far from the border of an edge a finger must be before it can cross the border again, in px: more than a resting finger trembles.
 const EDGE_HYSTERESIS_PX: f64 = 4.0;
 /// Part of its speed for the full intensity below which a texture is not felt: a vibration as weak as this is not worth a drive.
-const LEAST_TEXTURE_PART: f64 = 0.05;
+const MIN_TEXTURE_FRACTION: f64 = 0.05;
 
 /// A finger on a control, from when it came down until it is lifted.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,7 +55,7 @@ impl Contact {
         let track = match control.shape {
             Shape::Button(_) => Track::Press { intensity_g: control.intensity_g },
             Shape::Toggle(_) => {
-                let part = if control.is_on { 1.0 } else { OFF_PART };
+                let part = if control.is_on { 1.0 } else { SWITCH_OFF_INTENSITY_FRACTION };
                 Track::Press { intensity_g: part * control.intensity_g }
             }
             Shape::Slider { area, axis, detents } => {
@@ -86,7 +86,7 @@ impl Contact {
     pub fn find_release_click_g_if_button_or_toggle_and_still_on_it(&self, x: f64, y: f64) -> Option<f64> {
         self.find_press_click_g_if_button_or_toggle()
             .filter(|_| self.control.contains(x, y))
-            .map(|intensity_g| RELEASE_PART * intensity_g)
+            .map(|intensity_g| RELEASE_FRACTION * intensity_g)
     }
 
     /// Moves on; the peak in g of the click that it feels, if it passes a detent.
@@ -116,7 +116,7 @@ impl Contact {
             return None;
         };
         let part = (tracker.speed_px_s() / speed_px_s).min(1.0);
-        let is_felt = part >= LEAST_TEXTURE_PART && self.control.contains(x, y) && self.control.intensity_g > 0.0;
+        let is_felt = part >= MIN_TEXTURE_FRACTION && self.control.contains(x, y) && self.control.intensity_g > 0.0;
         is_felt.then_some(part * self.control.intensity_g)
     }
 
@@ -139,7 +139,7 @@ impl Track {
             return false;
         };
         let (dx, dy) = (x - x_px, y - y_px);
-        if dx.hypot(dy) < HUB_PART * radius_px {
+        if dx.hypot(dy) < HUB_FRACTION * radius_px {
             // The angle at which it comes out again is a new one.
             (*tracker, *angle) = (None, None);
             return false;
@@ -162,7 +162,7 @@ fn find_slider_position_in_detents(area: &Rectangle, axis: SliderAxis, detents: 
         SliderAxis::Y => (y, area.y, area.height),
     };
     let last = f64::from(detents - 1);
-    let inset_px = INSET_PX.min(INSET_PART * length / last);
+    let inset_px = INSET_PX.min(INSET_FRACTION * length / last);
     let step_px = (length - 2.0 * inset_px) / last;
     ((along - start - inset_px) / step_px).clamp(-BEHIND_END, last + BEHIND_END)
 }

@@ -49,7 +49,7 @@ fn a_finger_that_comes_again_is_another_one() {
 
 /// So many that nobody can have made them: the newest are driven, and the page is told of the others.
 #[test]
-fn of_too_many_taps_the_oldest_make_way() {
+fn of_too_many_taps_the_oldest_are_dropped() {
     let fingers = PageFingers::default();
     let tap = |x_px: f64| {
         let result = fingers.queue_fingers_down_with_error_if_oldest_step_dropped(

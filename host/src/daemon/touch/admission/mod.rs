@@ -6,7 +6,7 @@ mod places;
 use super::outcome::RequestOutcome;
 use crate::daemon::access::client::Client;
 use crate::daemon::api::problem::{Problem, ProblemKind};
-pub use places::HeldPlace;
+pub use places::PlannerPlaceGuard;
 use places::{Places, QueueFull};
 use serde_json::Value;
 use std::collections::VecDeque;
@@ -107,7 +107,7 @@ impl Admission {
     ///
     /// # Errors
     /// [`Problem`] with status 429: too many wait, and this client has as many of them as any.
-    pub async fn wait_for_planner_place_unless_queue_full(&self, client: Client) -> Result<HeldPlace, Problem> {
+    pub async fn wait_for_planner_place_unless_queue_full(&self, client: Client) -> Result<PlannerPlaceGuard, Problem> {
         self.planner
             .wait_for_place(client)
             .await
@@ -121,7 +121,7 @@ impl Admission {
     pub async fn wait_for_place_to_arm_or_clear_fault_unless_queue_full(
         &self,
         client: Client,
-    ) -> Result<HeldPlace, Problem> {
+    ) -> Result<PlannerPlaceGuard, Problem> {
         let wait = "wait to arm or to clear a fault";
         self.by_hand
             .wait_for_place(client)
@@ -130,7 +130,7 @@ impl Admission {
     }
 
     /// A place for working out what can be had instead; `None` if too many wait.
-    pub async fn wait_for_trade_off_place_or_none_if_queue_full(&self, client: Client) -> Option<HeldPlace> {
+    pub async fn wait_for_trade_off_place_or_none_if_queue_full(&self, client: Client) -> Option<PlannerPlaceGuard> {
         self.trades.wait_for_place(client).await.ok()
     }
 

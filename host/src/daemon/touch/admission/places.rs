@@ -13,12 +13,12 @@ pub struct Places(Mutex<State>);
 struct State {
     /// None of them while somebody waits.
     free: usize,
-    waiting: FairQueue<Client, oneshot::Sender<HeldPlace>>,
+    waiting: FairQueue<Client, oneshot::Sender<PlannerPlaceGuard>>,
 }
 
 /// A place, for as long as it is held; then it is the next one's.
 #[derive(Debug)]
-pub struct HeldPlace(Option<Arc<Places>>);
+pub struct PlannerPlaceGuard(Option<Arc<Places>>);
 
 /// As many wait as may.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,13 +38,13 @@ impl Places {
     ///
     /// # Errors
     /// [`QueueFull`], at once or when a client that has less comes.
-    pub async fn wait_for_place(self: &Arc<Self>, client: Client) -> Result<HeldPlace, QueueFull> {
+    pub async fn wait_for_place(self: &Arc<Self>, client: Client) -> Result<PlannerPlaceGuard, QueueFull> {
         let (sender, place) = oneshot::channel();
         let JoinedQueue { ticket, pushed_out } = {
             let mut state = self.lock_state();
             if state.free > 0 {
                 state.free -= 1;
-                return Ok(HeldPlace(Some(Arc::clone(self))));
+                return Ok(PlannerPlaceGuard(Some(Arc::clone(self))));
             }
             let waiting = state.waiting.count_waiting();
             state
@@ -79,7 +79,7 @@ impl Places {
             };
             let Some(next) = next else { return };
             // Not under the lock: what is sent to somebody who goes at that moment is dropped there, and comes here again.
-            let Err(mut back) = next.send(HeldPlace(Some(Arc::clone(self)))) else { return };
+            let Err(mut back) = next.send(PlannerPlaceGuard(Some(Arc::clone(self)))) else { return };
             // It is still in hand.
             back.0 = None;
         }
@@ -90,7 +90,7 @@ impl Places {
     }
 }
 
-impl Drop for HeldPlace {
+impl Drop for PlannerPlaceGuard {
     fn drop(&mut self) {
         if let Some(places) = self.0.take() {
             places.pass_on_or_free_released_place();
@@ -150,7 +150,7 @@ mod tests {
     }
 
     struct Asking {
-        future: Pin<Box<dyn Future<Output = Result<HeldPlace, QueueFull>>>>,
+        future: Pin<Box<dyn Future<Output = Result<PlannerPlaceGuard, QueueFull>>>>,
         woken: Arc<Flag>,
     }
 
@@ -160,7 +160,7 @@ mod tests {
             Self { future: Box::pin(async move { places.wait_for_place(client).await }), woken: Arc::default() }
         }
 
-        fn poll(&mut self) -> Poll<Result<HeldPlace, QueueFull>> {
+        fn poll(&mut self) -> Poll<Result<PlannerPlaceGuard, QueueFull>> {
             self.woken.0.store(false, Ordering::SeqCst);
             self.future.as_mut().poll(&mut Context::from_waker(&Waker::from(Arc::clone(&self.woken))))
         }
@@ -175,8 +175,8 @@ mod tests {
         #[test]
         fn nobody_is_forgotten(steps in prop::collection::vec(arbitrary_place_step(), 0..80)) {
             let places = Places::new(PLACES, MOST);
-            let (mut asking, mut held) = (Vec::<Asking>::new(), Vec::<HeldPlace>::new());
-            let ready = |asked: &mut Asking, held: &mut Vec<HeldPlace>| match asked.poll() {
+            let (mut asking, mut held) = (Vec::<Asking>::new(), Vec::<PlannerPlaceGuard>::new());
+            let ready = |asked: &mut Asking, held: &mut Vec<PlannerPlaceGuard>| match asked.poll() {
                 Poll::Pending => false,
                 Poll::Ready(answer) => {
                     held.extend(answer);
