@@ -340,7 +340,7 @@ def draw_data_flow(_era):
     label_box(canvas, 580, 304, 160, 92, "device logic", "era-shared, in the\nsimulated device,\nemulated board\nor real board", **green)
     label_box(canvas, 20, 304, 160, 92, "panel", "electrodes A and B\nof each ERA move\nthe surface", **green)
     canvas.arrow([(380, 246), (380, 304)])
-    canvas.text(388, 280, "orders", size=12)
+    canvas.text(388, 280, "drive commands", size=12)
     canvas.arrow([(460, 338), (580, 338)])
     canvas.text(520, 330, "frames", anchor="middle", size=12)
     canvas.arrow([(580, 362), (460, 362)])

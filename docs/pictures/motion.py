@@ -139,6 +139,16 @@ def compute_felt_motion(era, click, force_n):
     return motion
 
 
+def draw_push_and_brake(canvas, chart, predicted):
+    """Below the windows of `chart`: which part of a click is before the peak, and which is from the peak until the panel is quiet."""
+    times = (0.0, predicted["peak_at_ms"], predicted["quiet_ms"])
+    for time in times[1:]:
+        canvas.line([(chart.x(time), 44), (chart.x(time), 330)], color=GREY, width=1, dash="3 4")
+    for start, end, name in zip(times[:-1], times[1:], ("push", "brake"), strict=True):
+        canvas.arrow([(chart.x(start), 200), (chart.x(end), 200)], both=True, width=1)
+        canvas.text((chart.x(start) + chart.x(end)) / 2, 193, name, anchor="middle", bold=True)
+
+
 def draw_click(era):
     """A click on the example plate: the windows of both actuators, and the felt acceleration that they make."""
     click = era.json("effect", "click", "--at", CLICK_AT, "--unit", "mm", "--intensity-g", CLICK_G)
@@ -151,9 +161,9 @@ def draw_click(era):
         raise SystemExit(f"the click's peak is {peak:.3f} g here; era effect says {predicted}")
     canvas = Canvas(
         760, 400, "A click: windows of both actuators, and the acceleration of the touched place",
-        f"A click of {CLICK_G} g at {CLICK_AT} millimetres of the example plate. Single windows of electrodes A and B push and brake. The "
-        f"felt acceleration has its peak after {predicted['peak_at_ms']:.0f} milliseconds and is below a tenth of the peak from "
-        f"{predicted['quiet_ms']:.0f} milliseconds on.",
+        f"A click of {CLICK_G} g at {CLICK_AT} millimetres of the example plate. Single windows of electrodes A and B push until "
+        f"the peak, and then brake. The felt acceleration has its peak after {predicted['peak_at_ms']:.0f} milliseconds and is "
+        f"below a tenth of the peak from {predicted['quiet_ms']:.0f} milliseconds on.",
     )
     left, right, span = 78, 738, (0.0, SHOWN_S * 1e3)
     canvas.text(left, 26, "windows: electrode A upwards, electrode B downwards", bold=True)
@@ -171,6 +181,7 @@ def draw_click(era):
         canvas.frame(chart)
         volts = max((own["voltage_v"] for own in click["windows"] if own["actuator"] == name), default=0.0)
         canvas.text(right - 8, top + 17, f"{name}: {volts / 1e3:.2f} kV", anchor="end", color=color)
+    draw_push_and_brake(canvas, chart, predicted)
     top_g = math.ceil(peak * 10) / 10
     chart = Chart(left, 216, right, 330, span, (-top_g, top_g))
     tenth = 0.1 * predicted["peak_g"]

@@ -57,7 +57,9 @@ def draw_parts(canvas, scene, x, y, scale, *, names=False):
         at_x, at_y = x + scale * actuator["x_mm"], y + scale * actuator["y_mm"]
         draw_place(canvas, at_x, at_y)
         if names:
-            canvas.text(at_x, at_y - 11, actuator["id"], anchor="middle", size=12)
+            # Names stay inside the edges.
+            inset, length = 18, scale * scene["surface"]["length_mm"]
+            canvas.text(min(max(at_x, x + inset), x + length - inset), at_y - 11, actuator["id"], anchor="middle", size=12)
 
 
 def draw_modes(era):
@@ -82,10 +84,10 @@ def draw_modes(era):
     canvas.box(lefts[0], tops[0], map_width, map_height, fill="#f3f4f6", stroke=GREY)
     draw_parts(canvas, scene, lefts[0], tops[0], scale, names=True)
     canvas.text(lefts[0] + map_width / 2, tops[0] + 22, f"{length:.0f} x {width:.0f} x {surface['thickness_mm']:.0f} mm", anchor="middle", size=12)
-    draw_support(canvas, lefts[0] + 17, tops[0] + 115)
-    canvas.text(lefts[0] + 30, tops[0] + 120, "spring", size=12)
-    draw_place(canvas, lefts[0] + 97, tops[0] + 115)
-    canvas.text(lefts[0] + 108, tops[0] + 120, "ERA", size=12)
+    draw_support(canvas, lefts[0] + 17, tops[0] + 60)
+    canvas.text(lefts[0] + 30, tops[0] + 65, "spring", size=12)
+    draw_place(canvas, lefts[0] + 97, tops[0] + 60)
+    canvas.text(lefts[0] + 108, tops[0] + 65, "ERA", size=12)
     for index in range(shown):
         place = index + 1
         x, y = lefts[place % 3], tops[place // 3]
@@ -138,8 +140,8 @@ def draw_node_lines(era):
     names = [f"{drive['actuator']} alone, {drive['frequency_hz']:.0f} Hz" for drive in settings] + ["both at once"]
     canvas = Canvas(
         760, 300, "Node lines: each of two drives alone, and both at once",
-        f"Three maps of the peak acceleration over the example plate. {names[0]}, and {names[1]}: each has dark node "
-        f"lines along which the plate hardly moves; a red line bounds what is below {low:.3f} g. Both at once: every place has at least {low:.3f} g.",
+        f"Three maps of the peak acceleration over the example plate. {names[0]}, and {names[1]}: each leaves dark "
+        f"places that hardly move; a red line bounds what is below {low:.3f} g. Both at once: every place has at least {low:.3f} g.",
     )
     scale, tops = 0.755, 56
     map_width, map_height = scale * scene["surface"]["length_mm"], scale * scene["surface"]["width_mm"]
@@ -189,13 +191,20 @@ def draw_node_lines_bar(era):
     values, xs = responses(single[0]["frequency_hz"])
     in_phase = [abs(sum(d["force_n"] * v[i] for d, v in zip(single, values, strict=True))) / G for i in range(len(xs))]
     parts = []
-    for index, drive in enumerate(two["setting"]):
+    # The bar is its own mirror image, so rounding decides which actuator has which frequency: here the first one has the higher one.
+    places = [actuator["x_mm"] for actuator in scene["actuator"]]
+    if abs(sum(places) - length) > 1e-9:
+        raise SystemExit("the example bar has lost its symmetry: adapt docs/pictures/panel.py")
+    names = [drive["actuator"] for drive in two["setting"]]
+    falling = sorted(two["setting"], key=lambda drive: drive["frequency_hz"], reverse=True)
+    drives = [drive | {"actuator": name} for name, drive in zip(names, falling, strict=True)]
+    for index, drive in enumerate(drives):
         values, _ = responses(drive["frequency_hz"])
         parts.append([abs(value) * drive["force_n"] / G for value in values[index]])
     both = [a + b for a, b in zip(*parts, strict=True)]
     low_log, high_log = -1.0, math.log10(20.0)
     least = (one["one_setting"]["least"], two["one_setting"]["least"])
-    frequencies = [drive["frequency_hz"] for drive in two["setting"]]
+    frequencies = [drive["frequency_hz"] for drive in drives]
     canvas = Canvas(
         760, 520, "Peak acceleration along the example bar: one frequency, and two",
         f"Upper chart: both ERAs at {single[0]['frequency_hz']:.0f} hertz in phase; the acceleration falls to {least[0]:.2f} g "
@@ -204,7 +213,7 @@ def draw_node_lines_bar(era):
     )
     for top, title, floor in (
         (42, f"one frequency: both ERAs at {single[0]['frequency_hz']:.0f} Hz, in phase", least[0]),
-        (276, "two frequencies: " + " and ".join(f"{d['frequency_hz']:.0f} Hz ({d['actuator']})" for d in two["setting"]), least[1]),
+        (276, "two frequencies: " + " and ".join(f"{d['frequency_hz']:.0f} Hz ({d['actuator']})" for d in drives), least[1]),
     ):
         chart = Chart(64, top, 738, top + 180, (0, length), (low_log, high_log))
         canvas.text(64, top - 12, title, bold=True)

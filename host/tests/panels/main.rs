@@ -9,6 +9,7 @@ mod golden_plans;
 mod mode_shapes;
 mod panels_off;
 mod patched_scenes;
+mod pictures;
 mod planning;
 mod press;
 mod reach;
