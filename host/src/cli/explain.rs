@@ -43,10 +43,10 @@ fn describe_modelled_scene(scene: &Scene) -> String {
         (scene.edges.len() - held, "elastic edges"),
         (lossy, "supports and edges with a loss factor"),
         (scene.masses.len(), "attached masses"),
-        (inertial, "inertial ERAs, each with one unknown for the motion of its mass"),
-        (scene.actuators.len() - inertial, "grounded ERAs"),
-        (biased, "ERAs softened by a bias voltage"),
-        (charging, "ERAs whose electrodes charge through resistors"),
+        (inertial, "inertial actuators, each with one unknown for the motion of its mass"),
+        (scene.actuators.len() - inertial, "grounded actuators"),
+        (biased, "actuators softened by a bias voltage"),
+        (charging, "actuators whose electrodes charge through resistors"),
     ];
     for (count, what) in parts.into_iter().filter(|(count, _)| *count > 0) {
         let _ = write!(text, ", {count} {what}");
@@ -77,8 +77,8 @@ pub fn explain_model_scope_and_mesh_accuracy(scene: &Scene, accuracy: Accuracy, 
     let mut text = describe_modelled_scene(scene);
     text.push_str(
         "\nnot modelled: shear and rotary inertia, stretching in the plane, the air except where it is listed above, \
-         the finger except at a touched place, the effect of an ERA's voltage on its stiffness except the effect of \
-         bias_voltage_v; residual shapes of the actuators, the dashpots and the requested point replace the modes \
+         the finger except at a touched place, the effect of the voltage of an actuator on its stiffness except the effect of \
+         bias_voltage_v; residual shapes of the actuators, the dampers and the requested point replace the modes \
          above the computed modes",
     );
     let _ = write!(
@@ -126,7 +126,7 @@ mod tests {
         let scene = Scene::parse("bar", crate::scene::EXAMPLE_BAR).unwrap();
         let found = compute_modes_with_error_bounds(&scene, Accuracy::BALANCED, 300.0).unwrap();
         let text = explain_model_scope_and_mesh_accuracy(&scene, Accuracy::BALANCED, &found.steps);
-        for piece in ["a beam", "2 grounded ERAs", "hysteretic", "not modelled: shear", "tolerance 1e-3 met"] {
+        for piece in ["a beam", "2 grounded actuators", "hysteretic", "not modelled: shear", "tolerance 1e-3 met"] {
             assert!(text.contains(piece), "{piece:?} is not in {text}");
         }
         assert_eq!(text.lines().count(), 2 + 2 + found.steps.len() + 1, "{text}");

@@ -133,7 +133,7 @@ pub fn build_click_tables() -> Result<Vec<Table>, Error> {
         ("bar", EXAMPLE_BAR.to_owned(), GRID),
         ("camera", include_str!("../../../examples/scenes/camera.toml").to_owned(), GRID),
         ("bezel", include_str!("../../../examples/scenes/bezel.toml").to_owned(), GRID),
-        ("sheet 700 x 400 mm, 4 ERAs", make_sheet_scene_toml(), GRID),
+        ("sheet 700 x 400 mm, 4 actuators", make_sheet_scene_toml(), GRID),
     ];
     let mut table = Table::new(
         "Clicks of 0.5 g at 12 x 8 places (at 12 of the bar, and at the keys of a keypad)",
@@ -198,7 +198,7 @@ fn build_table_of_pairs() -> Result<Table, Error> {
         ("plate", EXAMPLE_PLATE.to_owned()),
         ("starting plate", STARTING_PLATE.to_owned()),
         ("bar, 4 keys", EXAMPLE_BAR.to_owned()),
-        ("sheet 700 x 400 mm, 4 ERAs", make_sheet_scene_toml()),
+        ("sheet 700 x 400 mm, 4 actuators", make_sheet_scene_toml()),
     ];
     let mut table = Table::new(
         "Clicks of 0.5 g for two fingers, on all pairs of 4 x 3 keys",
