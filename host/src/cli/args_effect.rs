@@ -56,14 +56,13 @@ pub struct EffectFileOptions {
     #[arg(long, value_enum, requires = "file", help_heading = EFFECT)]
     pub format: Option<FileFormat>,
     /// Write the acceleration over time to this file, whose name ends in .csv, .wav or .png
-    #[arg(long, value_name = "FILE", requires = "file", value_parser = parse_path_ending_in_csv_wav_or_png, help_heading = OUTPUT)]
+    #[arg(long, value_name = "FILE", value_parser = parse_path_ending_in_csv_wav_or_png, help_heading = OUTPUT)]
     pub export: Option<PathBuf>,
 }
 
 impl EffectFileOptions {
     /// The option that is given without a file, though it is about one. Of an option that another one excludes, clap asks for nothing.
     pub fn find_given_option_that_requires_missing_file(&self) -> Option<&'static str> {
-        let export = self.export.is_some().then_some("--export");
-        export.or(self.format.is_some().then_some("--format")).filter(|_| self.file.is_none())
+        self.format.is_some().then_some("--format").filter(|_| self.file.is_none())
     }
 }

@@ -1,16 +1,19 @@
 //! `era effect`: an effect as the board would play it, and what the panel would do.
 
 use super::args_effect::EffectOptions;
-use super::effect_file::design_effect_file_for_panel_print_and_export_if_asked;
+use super::effect_file::{
+    design_effect_file_for_panel_print_and_export_if_asked, write_accelerations_as_png_csv_or_wav_by_extension,
+};
 use super::panel::{
     collect_plan_bounds, load_or_compute_plan_table, make_target_from_at_and_intensity_options,
     prepare_table_with_scene_finger_if_any_at_places, tell_missing_or_exceeded_plan_bounds,
 };
 use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
+use crate::effect_files::motion::RATE_HZ;
 use crate::effects::{
     self, DesignError, EffectDesign, EffectRequest, EffectWindow, Intensity,
     design_effect_of_windows_if_common_click_exists_else_of_drives, intensity,
-    plan_request_with_intensity_for_targets_without_one,
+    plan_request_with_intensity_for_targets_without_one, sample_acceleration_of_design_unless_undamped_m_per_s2,
 };
 use crate::model::Bound;
 use crate::planner::click::measures::{ClickMeasures, measure_click};
@@ -70,6 +73,18 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
         None => None,
     };
     let shape = intensity::mode_shape_values_at_point_or_on_bar_axis(&table, target.x_m, target.y_m);
+    if let Some(export) = &options.from_file.export {
+        let step_s = 1.0 / f64::from(RATE_HZ);
+        let samples_g = sample_acceleration_of_design_unless_undamped_m_per_s2(&table, &rise, &design, &shape, step_s)
+            .ok_or(DesignError::Unbounded)
+            .map_err(Failure::runtime_error)?
+            .into_iter()
+            .map(|acceleration| acceleration / STANDARD_GRAVITY)
+            .collect();
+        let title = format!("{}: {}", scene.name, effect.name());
+        let place_mm = (1e3 * target.x_m, 1e3 * target.y_m);
+        write_accelerations_as_png_csv_or_wav_by_extension(export, &title, &[place_mm], &[samples_g])?;
+    }
     let drives = intensity::list_switched_forces_of_plan(&table, &plan);
     let accuracy = options.panel.accuracy()?;
     tell_missing_or_exceeded_plan_bounds(&[&plan], accuracy, options.panel.explain);

@@ -6,16 +6,14 @@ use super::client::request_body_failing_on_error_status;
 use super::panel::{make_target_from_at_and_intensity_options, prepare_table_with_scene_finger_if_any_at_places};
 use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::effect_files::motion::{RATE_HZ, format_csv, format_wav, sample_acceleration_g};
-use crate::effect_files::panel::{
-    PanelEffect, PanelEffectError, PartKind, ScaleView, design_parts_for_panel, place_of_part_m,
-};
+use crate::effect_files::panel::{PanelEffectError, PartKind, ScaleView, design_parts_for_panel, place_of_part_m};
 use crate::effect_files::parts::cut_events_into_parts;
 use crate::effect_files::view::{PartView, ReadingView};
 use crate::effect_files::{FileFormat, ReadError, detect_format, read_effect_bytes};
 use crate::effects::DesignError;
 use crate::maps::over_time::write_accelerations_png;
+use crate::planner::DEFAULT_INTENSITY_G;
 use crate::planner::rise::PanelPoles;
-use crate::planner::{DEFAULT_INTENSITY_G, PlanTable};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use era_files::{Readers, replace_file};
@@ -57,7 +55,12 @@ pub fn design_effect_file_for_panel_print_and_export_if_asked(options: &EffectOp
     let asked_g = options.at.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
     let effect = design_parts_for_panel(&table, &poles, &parts, (touched_m, asked_g), true)?;
     if let Some(export) = &options.from_file.export {
-        write_effect_acceleration_as_png_csv_or_wav_by_extension(export, path, (&table, &poles), &effect)?;
+        let samples = sample_acceleration_g(&table, &poles, &effect)
+            .ok_or(DesignError::Unbounded)
+            .map_err(Failure::runtime_error)?;
+        let places_mm: Vec<(f64, f64)> = effect.places.iter().map(|place| (1e3 * place.x_m, 1e3 * place.y_m)).collect();
+        let title = format!("{}: {}", table.scene.name, path.display());
+        write_accelerations_as_png_csv_or_wav_by_extension(export, &title, &places_mm, &samples)?;
     }
     let view = ReadingView::new(&list, &warnings, &effect);
     if options.json {
@@ -116,29 +119,26 @@ fn read_file_cut_one_byte_over_limit(path: &Path) -> Result<Vec<u8>, Failure> {
     Ok(bytes)
 }
 
-fn write_effect_acceleration_as_png_csv_or_wav_by_extension(
+/// Writes the accelerations in g of some places, with [`RATE_HZ`] samples a second.
+pub fn write_accelerations_as_png_csv_or_wav_by_extension(
     output_path: &Path,
-    effect_path_for_title: &Path,
-    (table, poles): (&PlanTable, &PanelPoles),
-    effect: &PanelEffect,
+    title: &str,
+    places_mm: &[(f64, f64)],
+    samples_g: &[Vec<f64>],
 ) -> CommandResult {
-    let samples =
-        sample_acceleration_g(table, poles, effect).ok_or(DesignError::Unbounded).map_err(Failure::runtime_error)?;
-    let places_mm: Vec<(f64, f64)> = effect.places.iter().map(|place| (1e3 * place.x_m, 1e3 * place.y_m)).collect();
     let extension = output_path.extension().map(|own| own.to_ascii_lowercase()).unwrap_or_default();
     if extension == "png" {
         let names = places_mm.iter().map(|(x_mm, y_mm)| format!("{x_mm:.1} mm, {y_mm:.1} mm"));
-        let curves: Vec<(String, &[f64])> = names.zip(samples.iter().map(Vec::as_slice)).collect();
-        let title = format!("{}: {}", table.scene.name, effect_path_for_title.display());
+        let curves: Vec<(String, &[f64])> = names.zip(samples_g.iter().map(Vec::as_slice)).collect();
         let rate_hz = f64::from(RATE_HZ);
-        return write_accelerations_png(output_path, &title, rate_hz, &curves)
+        return write_accelerations_png(output_path, title, rate_hz, &curves)
             .map(|_| ())
             .map_err(Failure::runtime_error);
     }
     let bytes = if extension == "csv" {
-        format_csv(&places_mm, &samples).into_bytes()
+        format_csv(places_mm, samples_g).into_bytes()
     } else {
-        format_wav(&samples).map_err(Failure::runtime_error)?
+        format_wav(samples_g).map_err(Failure::runtime_error)?
     };
     replace_file(output_path, Readers::ByUmask, &bytes)
         .map_err(|error| Failure::runtime_error(format!("cannot write {}: {error}", output_path.display())))

@@ -315,7 +315,7 @@ mod tests {
             ("view short", "line 1"),
             ("\nboss AAAAAAAAAAAAAAAAAAAAAA", "line 2"),
             ("arm", "secret"),
-            ("arm AAAAAAAAAAAAAAAAAAAAA+/=", "letters"),
+            ("arm AAAAAAAAAAAAAAAAAAAAA+/=", "without an accent"),
         ] {
             let error = Access::parse_tokens(text).unwrap_err();
             assert!(error.contains(wanted), "{text:?}: {error}");
