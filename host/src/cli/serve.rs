@@ -105,7 +105,7 @@ pub fn run_serve(options: &Serve, started: Instant) -> CommandResult {
     let first = plan_touch_near_screen_middle(&app.table);
     let planned = started.elapsed();
     tracing::info!(
-        "ready after {:.3} s: open {} in a browser (scene {}, device {target})",
+        "ready after {:.3} s: open {} (scene {}, device {target})",
         planned.as_secs_f64(),
         urls.join(", "),
         scene.name
