@@ -19,9 +19,7 @@ pub enum NotOwn {
         wanted: &'static str,
     },
     /// Somebody else may have written it.
-    #[error(
-        "the owner is the user with the number {owner}, but must be the user who runs this program ({own}) or root"
-    )]
+    #[error("the owner has the user ID {owner}, but must be the user who runs this program ({own}) or root")]
     Owner {
         /// Its owner.
         owner: u32,
@@ -169,7 +167,7 @@ mod tests {
         if rustix::process::geteuid().is_root() {
             chown(at("own"), Some(65_534), None).unwrap();
             let refused = read_own_file(&at("own"), 100).unwrap_err();
-            assert!(refused.to_string().contains("the owner is the user with the number 65534"), "{refused}");
+            assert!(refused.to_string().contains("the owner has the user ID 65534"), "{refused}");
         }
     }
 

@@ -76,7 +76,7 @@ fn a_secret_is_a_file_of_ones_own_or_of_root() {
     let mut cases = vec![(&pipe, "token"), (&place, "but it is a folder")];
     // Only root can give a file away.
     if std::os::unix::fs::chown(&another, Some(12_345), None).is_ok() {
-        cases.push((&another, "belongs to the user with the number 12345"));
+        cases.push((&another, "its owner (user ID 12345) can change the file"));
     }
     for (file, piece) in cases {
         let file = file.to_str().unwrap();

@@ -121,10 +121,7 @@ fn what_others_could_have_changed_is_not_used() {
     ];
     if is_root {
         // Only root can give files away.
-        ways.push((
-            "the owner is the user with the number 65534",
-            Box::new(|| chown(&table, Some(65_534), None).unwrap()),
-        ));
+        ways.push(("the owner has the user ID 65534", Box::new(|| chown(&table, Some(65_534), None).unwrap())));
     }
     for (reason, change) in &ways {
         change();
@@ -144,7 +141,7 @@ fn what_others_could_have_changed_is_not_used() {
     ];
     if is_root {
         ways.push((
-            "the owner is the user with the number 65534",
+            "the owner has the user ID 65534",
             Box::new(|| {
                 mode(&cache, 0o700);
                 chown(&cache, Some(65_534), None).unwrap();
