@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 /// How long a board may take to do what it must not.
 const WAIT: Duration = Duration::from_secs(20);
 /// As strong as it can be, where the masses travel farthest.
-const STRONG: &str = r#"{"x_px": 300, "y_px": 300, "duration_ms": 3000, "intensity_g": 1000, "objective": "reach"}"#;
+const STRONG: &str = r#"{"x_px": 480, "y_px": 960, "duration_ms": 3000, "intensity_g": 1000}"#;
 
 static OPTIONS: LazyLock<Options> =
     LazyLock::new(|| Options { minutes: 1.0, faults: false, seed: 1, program: PathBuf::new() });
