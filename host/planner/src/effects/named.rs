@@ -75,7 +75,7 @@ pub enum EffectError {
         max: f64,
     },
     /// A parameter that the effect does not have.
-    #[error("{field} is {value}, but the effect `{effect}` has no {field}")]
+    #[error("{field} is {value}, but the effect `{effect}` has no field `{field}`")]
     NotTaken {
         /// The field's name.
         field: &'static str,
@@ -85,7 +85,7 @@ pub enum EffectError {
         effect: &'static str,
     },
     /// A preference for an effect that is always as strong as was asked for.
-    #[error("`prefer` is {}, but the effect `{effect}` does not have this field", prefer.name())]
+    #[error("prefer is {}, but the effect `{effect}` has no field `prefer`", prefer.name())]
     PreferNotTaken {
         /// As given.
         prefer: Preference,
@@ -98,7 +98,7 @@ impl EffectError {
     /// Field, value and allowed range as text.
     #[must_use]
     pub fn field_value_and_allowed_range(&self) -> (&'static str, Value, String) {
-        let absent = |field: &str, effect: &str| format!("absent, because the effect `{effect}` has no {field}");
+        let absent = |field: &str, effect: &str| format!("absent, because the effect `{effect}` has no field `{field}`");
         match self {
             Self::Range { field, value, min, max, .. } => (field, (*value).into(), format!("{min} to {max}")),
             Self::NotTaken { field, value, effect } => (field, (*value).into(), absent(field, effect)),
@@ -303,11 +303,11 @@ mod tests {
         let cases = [
             (
                 EffectRequest { duration_ms: Some(20.0), ..of(NamedEffect::Click) },
-                "duration_ms is 20, but the effect `click` has no duration_ms",
+                "duration_ms is 20, but the effect `click` has no field `duration_ms`",
             ),
             (
                 EffectRequest { count: Some(2), ..of(NamedEffect::Buzz) },
-                "count is 2, but the effect `buzz` has no count",
+                "count is 2, but the effect `buzz` has no field `count`",
             ),
             (
                 EffectRequest { duration_ms: Some(0.5), ..of(NamedEffect::Buzz) },
@@ -323,11 +323,11 @@ mod tests {
             ),
             (
                 EffectRequest { crisp_ms: Some(45.0), ..of(NamedEffect::DoubleClick) },
-                "crisp_ms is 45, but the effect `double_click` has no crisp_ms",
+                "crisp_ms is 45, but the effect `double_click` has no field `crisp_ms`",
             ),
             (
                 EffectRequest { prefer: Some(Preference::Crispness), ..of(NamedEffect::Swell) },
-                "prefer is crispness, but the effect `swell` has no `prefer`",
+                "prefer is crispness, but the effect `swell` has no field `prefer`",
             ),
             (
                 EffectRequest { count: Some(50), period_ms: Some(400.0), ..of(NamedEffect::PulseTrain) },
