@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 /// The line of the log that ends a measurement, up to its number.
-const PLANNED: &str = "first plan ";
+const PLANNED: &str = "the first plan was ready ";
 /// The line that tells what the table takes.
 const TABLE: &str = "plan table ";
 
