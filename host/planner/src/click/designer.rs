@@ -132,8 +132,9 @@ impl ClickDesigner<'_> {
             motion_bounds_if_peak_precedes_quiet(PEAKS_S[0], SOON_QUIET_S.min(crisp_s), CRISP),
         );
         let soon = soon.filter(|chosen| chosen.reached >= STRONG_ENOUGH);
+        // Rather than a weaker one, one that is quiet later is tried.
         let soon = soon.and_then(|chosen| {
-            self.build_click_of_pushes_or_weaker_one_if_not_good(asked, chosen, is_strong_and_crisp)
+            self.build_judged_click_at_present_rails_or_least_rails_if_better(asked, self.choose_fewer_pushes(chosen))
         });
         let mut best = soon.filter(is_strong_and_crisp);
         if let Some(found) = best.take_if(|found| is_whole(found)) {

@@ -98,7 +98,8 @@ impl EffectError {
     /// Field, value and allowed range as text.
     #[must_use]
     pub fn field_value_and_allowed_range(&self) -> (&'static str, Value, String) {
-        let absent = |field: &str, effect: &str| format!("absent, because the effect `{effect}` has no field `{field}`");
+        let absent =
+            |field: &str, effect: &str| format!("absent, because the effect `{effect}` has no field `{field}`");
         match self {
             Self::Range { field, value, min, max, .. } => (field, (*value).into(), format!("{min} to {max}")),
             Self::NotTaken { field, value, effect } => (field, (*value).into(), absent(field, effect)),
