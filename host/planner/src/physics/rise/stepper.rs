@@ -122,7 +122,7 @@ impl Stepper {
     }
 
     /// Samples one row of the free motion that follows, every `step_s` from one step after now on; the stepper stays where it is. The part of a pole ends
-    /// when it has fallen to [`DECAYED_TO`].
+    /// when 1e-9 of its first amplitude is left.
     #[must_use]
     pub fn sample_free_motion_of_row(&self, row: usize, step_s: f64, count: usize) -> Vec<f64> {
         let mut samples = vec![0.0; count];
