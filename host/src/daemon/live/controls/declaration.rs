@@ -274,7 +274,7 @@ impl DeclaredControl {
         let wrong = keys.into_iter().find_map(|(key, value, is_own)| Some((key, value.filter(|_| !is_own)?)));
         let Some((key, value)) = wrong else { return Ok(()) };
         let kind = self.kind.name_with_article();
-        let problem = Problem::bad_body(format!("{key} = {value}: {kind} does not have this key, remove it"));
+        let problem = Problem::bad_body(format!("{key} is {value}, but {kind} does not have this key: remove the key"));
         Err(problem.with_field_and_value(key, value, format!("absent, because {kind} does not have this key"), None))
     }
 }
