@@ -372,6 +372,7 @@ impl Faults<'_> {
         let detected = match end {
             SlowClientEnd::Ended(after) => Ok(after),
             SlowClientEnd::Borne => Err("the daemon still serves this client".into()),
+            SlowClientEnd::NotConnected => Err("this client could not connect to the daemon".into()),
             SlowClientEnd::Unknown => return,
         };
         let again = self.retry_touch_and_measure_time_until_driven();

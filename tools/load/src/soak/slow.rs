@@ -51,6 +51,8 @@ pub enum SlowClientEnd {
     Ended(Duration),
     /// It is still served.
     Borne,
+    /// It could not connect, so that it was never slow.
+    NotConnected,
     /// The daemon was gone before that could be told.
     Unknown,
 }
@@ -64,34 +66,39 @@ pub fn run_slow_client(state: &SoakState, serving: ServingDaemon, slow: SlowClie
     };
     match ended {
         _ if !state.is_current_daemon(serving) => SlowClientEnd::Unknown,
-        true => SlowClientEnd::Ended(begun.elapsed()),
-        false => SlowClientEnd::Borne,
+        Some(true) => SlowClientEnd::Ended(begun.elapsed()),
+        Some(false) => SlowClientEnd::Borne,
+        None => SlowClientEnd::NotConnected,
     }
 }
 
-fn does_daemon_end_half_request_or_answer_half_body_within_limit(address: SocketAddr, slow: SlowClient) -> bool {
+/// `None` if the client could not connect.
+fn does_daemon_end_half_request_or_answer_half_body_within_limit(
+    address: SocketAddr,
+    slow: SlowClient,
+) -> Option<bool> {
     let connected = || -> std::io::Result<TcpStream> {
         let mut stream = connect_tcp(address)?;
         stream.set_read_timeout(Some(LONGEST))?;
         stream.write_all(slow.incomplete_request_text_or_empty().as_bytes())?;
         Ok(stream)
     };
-    // Nobody is slow who does not get in.
-    let Ok(mut stream) = connected() else { return false };
+    let mut stream = connected().ok()?;
     let mut buffer = [0; 1024];
     loop {
         match stream.read(&mut buffer) {
-            Ok(0) => return true,
+            Ok(0) => return Some(true),
             // It is told why, before the end or instead of it.
-            Ok(_) if slow == SlowClient::HalfBody => return true,
+            Ok(_) if slow == SlowClient::HalfBody => return Some(true),
             Ok(_) => {}
-            Err(error) => return !matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock),
+            Err(error) => return Some(!matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock)),
         }
     }
 }
 
-fn is_live_socket_closed_by_daemon_after_leaving_it_unread(address: SocketAddr) -> bool {
-    let Ok(mut live) = Live::open(address, "scene,state,plan,field") else { return false };
+/// `None` if the client could not connect.
+fn is_live_socket_closed_by_daemon_after_leaving_it_unread(address: SocketAddr) -> Option<bool> {
+    let mut live = Live::open(address, "scene,state,plan,field").ok()?;
     std::thread::sleep(UNREAD);
-    live.is_closed_by_daemon_reading_until_quiet(QUIET, MOST_LEFT)
+    Some(live.is_closed_by_daemon_reading_until_quiet(QUIET, MOST_LEFT))
 }
