@@ -233,10 +233,8 @@ impl From<ModelError> for Raised {
                 Some(format_allowed_range_or_minimum(*min, *max)),
             ),
             ModelError::TooFine { max_hz, unknowns, limit, .. } => {
-                let allowed = format!(
-                    "a frequency that needs at most {limit} unknowns (this frequency needs \
-                {unknowns})"
-                );
+                let allowed =
+                    format!("a frequency that needs at most {limit} unknowns (this frequency needs {unknowns})");
                 Self::with(RaisedKind::Model, &error, "frequency_hz", *max_hz, Some(allowed))
             }
             ModelError::TooManyModes { max_hz, modes, limit } => {

@@ -143,8 +143,7 @@ pickled!(QuietResult { x_m, y_m, radius_m, at_most_g, peak_g, harmonics_g });
 impl QuietResult {
     fn __repr__(&self) -> String {
         format!(
-            "<QuietResult at ({}, {}) m: peak {:.4} g, allowed {:.4} \
-        g>",
+            "<QuietResult at ({}, {}) m: peak {:.4} g, allowed {:.4} g>",
             self.x_m, self.y_m, self.peak_g, self.at_most_g
         )
     }

@@ -124,13 +124,13 @@ pub fn spectral_lines_from_25_us_step_means(steps: &[f64], last_line: usize) -> 
     lines.into_iter().zip(1_u32..).map(undo_smoothing).collect()
 }
 
-fn list_spectral_lines(means: &[f64], means_to_lines: &dyn RealToComplex<f64>, last_line: usize) -> Vec<Complex64> {
-    let mut record = means_to_lines.make_input_vec();
+fn list_spectral_lines(means: &[f64], to_lines: &dyn RealToComplex<f64>, last_line: usize) -> Vec<Complex64> {
+    let mut record = to_lines.make_input_vec();
     record.iter_mut().zip(means).for_each(|(place, mean)| *place = *mean);
     #[expect(clippy::cast_precision_loss, reason = "some thousand samples")]
     let sample_s = 1.0 / record.len() as f64;
-    let mut lines = means_to_lines.make_output_vec();
-    if means_to_lines.process(&mut record, &mut lines).is_err() {
+    let mut lines = to_lines.make_output_vec();
+    if to_lines.process(&mut record, &mut lines).is_err() {
         // Lengths are those of the plan.
         return Vec::new();
     }
