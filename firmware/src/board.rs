@@ -94,7 +94,7 @@ impl Stm32Board {
     }
 
     /// What is wrong with the board itself now.
-    fn find_startup_clock_or_permit_fault(&mut self) -> Option<FaultFinding> {
+    fn find_stored_startup_fault_or_present_clock_or_permit_fault(&mut self) -> Option<FaultFinding> {
         if let Some(finding) =
             self.lasting_fault.or_else(|| self.clock_check.look_if_due_and_find_lasting_clock_fault())
         {
@@ -156,7 +156,7 @@ impl Board for Stm32Board {
         let measured = sense::measure_rails_loops_earth_bond_and_reference();
         let [interlock_millivolts, stop_millivolts] = measured.loop_millivolts;
         // Before the trips: what a break has withdrawn has its reason there, if its interrupt works.
-        let standing_fault = self.find_startup_clock_or_permit_fault();
+        let standing_fault = self.find_stored_startup_fault_or_present_clock_or_permit_fault();
         SensorReadings {
             rail_millivolts: measured.rail_millivolts,
             average_microamps: average_current::read_average_microamps_or_max_if_stale(),

@@ -238,7 +238,7 @@ impl From<ModelError> for Raised {
                 Self::with(RaisedKind::Model, &error, "frequency_hz", *max_hz, Some(allowed))
             }
             ModelError::TooManyModes { max_hz, modes, limit } => {
-                let allowed = format!("at most {limit} modes, not {modes}");
+                let allowed = format!("a frequency that needs at most {limit} modes (this frequency needs {modes})");
                 Self::with(RaisedKind::Model, &error, "frequency_hz", *max_hz, Some(allowed))
             }
             ModelError::Factorisation { .. }

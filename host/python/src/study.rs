@@ -455,7 +455,7 @@ impl PyStudy {
     #[pyo3(name = "keep")]
     fn write_task_rows(&self, folder: PathBuf, task: &str, rows: &[u8]) -> Result<(), Raised> {
         let (task, folder) = (self.parse_task_argument(task)?, self.open_or_create_study_folder(folder)?);
-        if folder.write_encoded_task_rows_if_of_study(task, rows)? {
+        if folder.write_encoded_rows_if_of_this_study_and_task(task, rows)? {
             return Ok(());
         }
         Err(error_of_bytes_not_from_this_study_and_task("rows", task))

@@ -135,7 +135,8 @@ pub struct Serve {
     /// Serve over TLS with the certificate and key in this folder; if both are missing, the daemon makes both
     #[arg(long, value_name = "DIR", conflicts_with = "tls_cert", help_heading = LISTENING)]
     pub tls_dir: Option<PathBuf>,
-    /// Origin of other web pages that may use the daemon, such as http://HOST:PORT; can be repeated
+    /// Origin of web pages, other than the daemon's own page, that may use the daemon, such as http://HOST:PORT; can be
+    /// repeated
     #[arg(long, value_name = "ORIGIN", value_parser = crate::daemon::Access::parse_origin, help_heading = ACCESS)]
     pub allow_origin: Vec<String>,
     /// Host name that clients may use for the daemon, in addition to localhost and numeric addresses; can be repeated

@@ -34,6 +34,9 @@ pub struct EffectOptions {
     pub rhythm: Rhythm,
     #[command(flatten)]
     pub crispness: Crispness,
+    /// Design the effect for a board that plays no single windows (a board with a protocol version before 4)
+    #[arg(long, help_heading = EFFECT, conflicts_with = "file")]
+    pub envelopes: bool,
     #[command(flatten)]
     pub from_file: EffectFileOptions,
     /// Print JSON

@@ -32,7 +32,7 @@ pub struct Modes {
     /// Highest frequency in Hz
     #[arg(long, value_name = "F", default_value_t = 500.0, allow_negative_numbers = true, help_heading = BAND)]
     pub max_hz: f64,
-    /// For --csv, --npy and --png: columns and rows of the grid, with points on the borders; on a bar, NY is ignored: the grid is one row of points along the axis
+    /// Columns and rows of the grid for --csv, --npy and --png, with points on the borders; on a bar, NY is ignored, and the grid is one row of points along the axis
     #[arg(long, value_name = "NX,NY", value_parser = parse_comma_separated_grid_counts, default_value = "49,33",
         help_heading = BAND)]
     pub grid: (usize, usize),
@@ -44,7 +44,7 @@ pub struct Modes {
     /// write the axes to the same folder (for modes.npy: modes.frequency_hz.npy, modes.y_m.npy, modes.x_m.npy)
     #[arg(long, value_name = "FILE.npy", value_parser = parse_npy_path, help_heading = OUTPUT)]
     pub npy: Option<PathBuf>,
-    /// Draw the shapes in one picture, with the supports, masses, actuators and [[edge]] entries of the scene
+    /// Draw all mode shapes in one picture, with the supports, masses, actuators and [[edge]] entries of the scene
     #[arg(long, value_name = "FILE.png", value_parser = parse_png_path, help_heading = OUTPUT)]
     pub png: Option<PathBuf>,
     /// Print JSON
@@ -60,7 +60,7 @@ pub struct Sweep {
     pub time: TimeLimit,
     #[command(flatten)]
     pub band: Band,
-    /// Columns and rows of the grid, with points on the borders; on a bar, NY is ignored: the grid is one row of points along the axis
+    /// Columns and rows of the grid, with points on the borders; on a bar, NY is ignored, and the grid is one row of points along the axis
     #[arg(long, value_name = "NX,NY", value_parser = parse_comma_separated_grid_counts, default_value = "49,33",
         help_heading = BAND)]
     pub grid: (usize, usize),

@@ -272,7 +272,7 @@ fn read_key_value_and_message_text_unless_version(
         None => {
             // Of a place to listen there is more to say.
             let place = given.as_nonempty_text().filter(|_| key.name == "listen").map(parse_listen_address);
-            let reason = place.and_then(Result::err).map(|reason| format!(": {reason}")).unwrap_or_default();
+            let reason = place.and_then(Result::err).map(|reason| format!("; {reason}")).unwrap_or_default();
             Err(format!("{name} is {told}, but must be {}{reason}", key.allowed))
         }
     }

@@ -245,7 +245,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "allow_origin",
-        help: "Origins of other web pages that may use the daemon",
+        help: "Origins of web pages, other than the daemon's own page, that may use the daemon",
         allowed: "a list of origins, such as [\"http://kiosk.example:8080\"]",
         default: "none",
         example: "[\"http://kiosk.example:8080\"]",

@@ -11,7 +11,7 @@ use super::panel::{
 use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::effect_files::motion::RATE_HZ;
 use crate::effects::{
-    self, DesignError, EffectDesign, EffectRequest, EffectWindow, Intensity,
+    self, DesignError, EffectDesign, EffectRequest, EffectWindow, Intensity, NamedEffect, design_effect,
     design_effect_of_windows_if_common_click_exists_else_of_drives, intensity,
     plan_request_with_intensity_for_targets_without_one, sample_acceleration_of_design_unless_undamped_m_per_s2,
 };
@@ -65,12 +65,18 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
     )?;
     let started = Instant::now();
     let click = ClickOptions { with_best_possible: true, ..request.click_options() };
-    let design = design_effect_of_windows_if_common_click_exists_else_of_drives(&table, &rise, &plan, request, click)
-        .map_err(Failure::runtime_error)?;
+    let design = if options.envelopes {
+        design_effect(&table, &rise, &plan, request)
+    } else {
+        design_effect_of_windows_if_common_click_exists_else_of_drives(&table, &rise, &plan, request, click)
+    };
+    let design = design.map_err(Failure::runtime_error)?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let without_finger = match scene.finger {
-        Some(_) => measure_click_on_panel_without_finger_if_of_windows(options, &scene, target, &design)?,
-        None => None,
+        Some(_) if effect == NamedEffect::Click => {
+            measure_click_on_panel_without_finger_if_of_windows(options, &scene, target, &design)?
+        }
+        Some(_) | None => None,
     };
     let shape = intensity::mode_shape_values_at_point_or_on_bar_axis(&table, target.x_m, target.y_m);
     if let Some(export) = &options.from_file.export {
@@ -141,6 +147,9 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
         ),
         false => write!(text, "\npeak {:.3} g {:.1} ms after the start", predicted.peak_g, predicted.peak_at_ms),
     };
+    if effect == NamedEffect::DoubleClick && !design.windows.is_empty() {
+        let _ = write!(text, "\npeak of the weaker one of the two clicks: {:.3} g", predicted.peak_least_g);
+    }
     if let Some(best_g) = predicted.best_possible_g {
         let _ = write!(
             text,

@@ -90,8 +90,8 @@ pub fn measure_touch_latency_on_simulated_device(options: &Latency) -> CommandRe
         }));
     }
     print_text_after_queued_log(&format!(
-        "{} touches on {}; the daemon and the simulated device run in one process, and each time includes \
-         the planning\n\
+        "{} touches on {}; the daemon and the simulated device run in one process, and each time in the table \
+         includes the planning\n\
          time from POST /v1/touch           median      p99      max\n\
          until the device has all drives  {device}\n\
          until the answer                 {answer}\n\

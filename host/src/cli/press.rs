@@ -48,7 +48,8 @@ fn describe_missing_press_error_bounds_by_reason(table: &PlanTable) -> Vec<Strin
 
 fn format_press_travel_per_actuator(table: &PlanTable) -> String {
     let mut text = format!(
-        "{}: effect of a press of {} N at the point where the press moves the mass of each actuator furthest\n\
+        "{}: for each actuator, the effect of a press of {} N at the point where the press moves the mass of this \
+         actuator furthest\n\
          \x20actuator       x, y in mm      alone   error at most      sag   error at most  stop            \
          remaining gap safe up to\n",
         table.scene.name, table.scene.press_n

@@ -135,10 +135,11 @@ pub fn compare_drive_schemes_and_write_result(options: &Field) -> CommandResult 
     let unit = if options.felt { "dB above the threshold of feeling" } else { "g" };
     let mut text = format!(
         "{}, {}. All schemes use the largest safe forces. Peaks are in {unit}.\n\
-         (With one frequency, the program tries at each frequency {ratios} amplitude ratios in phase, or {phases} \
-         combinations of amplitudes and phases, and then searches near the best of them. With distinct frequencies, \
-         the setting is the best possible for the forces that are computed with the air gaps at rest; if the program \
-         cannot prove that the setting is the best, a line below says so.)\n",
+         (For the scheme \"one frequency, in phase\", the program tries {ratios} amplitude ratios at each frequency; \
+         for the scheme \"one frequency, phases chosen\", {phases} combinations of amplitudes and phases at each \
+         frequency. Then the program searches near the best of them. For the scheme \"distinct frequencies\", the \
+         setting is the best possible for the forces that are computed with the air gaps at rest; if the program \
+         cannot prove this, a line below says so.)\n",
         scene.name,
         describe_searched_zone_and_frequencies(&table, options)
     );

@@ -112,7 +112,7 @@ pub fn run_serve(options: &Serve, started: Instant) -> CommandResult {
     );
     if let Some(file) = &options.token_file {
         tracing::info!(
-            "in a browser, add #token=TOKEN to the address, where TOKEN is a secret of the file \"{}\"",
+            "in a browser, add #token=TOKEN to the address, where TOKEN is one of the secrets in the file \"{}\"",
             file.display()
         );
     }

@@ -126,7 +126,7 @@ pub fn parse_outgoing_http_proxy(text: &str) -> Result<HostPort, String> {
     let rest = if has_scheme { text.get(SCHEME.len()..).unwrap_or_default() } else { text };
     rest.trim_end_matches('/')
         .parse()
-        .map_err(|error| format!("the address of a proxy must have the form http://HOST:PORT: {error}"))
+        .map_err(|error| format!("the address of a proxy must have the form http://HOST:PORT, but {error}"))
 }
 
 /// An address to listen at. A Unix socket has an option of its own.
@@ -147,9 +147,9 @@ pub fn parse_listen_address(text: &str) -> Result<HostPort, String> {
 pub fn parse_tolerances_of_springs_modulus_thickness_and_places(text: &str) -> Result<Tolerances, String> {
     let allowed = || {
         format!(
-            "must be four numbers, separated by commas, the largest deviations of the spring stiffness, of Young's \
-            modulus and of the thickness (each as a fraction, 0 to {MAX_FRACTION}), and of the position of the actuators \
-            and supports (in mm, 0 to {MOST_MM})"
+            "must be four numbers, separated by commas. The first three are the largest deviations of the spring \
+             stiffness, of Young's modulus and of the thickness, each as a fraction from 0 to {MAX_FRACTION}. The \
+             fourth is the largest deviation of the positions of the actuators and supports, from 0 to {MOST_MM} mm"
         )
     };
     let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();

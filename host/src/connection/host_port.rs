@@ -114,7 +114,8 @@ impl FromStr for HostPort {
         }
         if is_number(text) {
             return Err(format!(
-                "an address is missing before the port: use 127.0.0.1:{text} for connections from this machine only"
+                "the address before the port is missing; for example 127.0.0.1:{text}, which only this machine can \
+                 reach"
             ));
         }
         let (host, port) = if let Some(rest) = text.strip_prefix('[') {

@@ -84,7 +84,8 @@ pub enum LinkError {
     Refused(Refusal),
     /// A stop was sent in its place, and the device has obeyed that.
     #[error(
-        "the device gave no answer for {waited:.0?} and was stopped: {request} was not carried out, or was interrupted"
+        "the device gave no answer for {waited:.0?} and was stopped, so the request {request} was not carried out or \
+         was interrupted"
     )]
     Halted {
         /// The request's name.

@@ -44,7 +44,7 @@ pub enum EmulatedError {
         path: PathBuf,
     },
     /// A step failed.
-    #[error("the emulated board did not start, because this step failed: {step}: {reason}")]
+    #[error("the emulated board did not start, because {step} failed: {reason}")]
     Start {
         /// What was tried.
         step: &'static str,
@@ -159,7 +159,8 @@ impl EmulatedBoard {
                     value.ok_or_else(|| EmulatedError::Control {
                         op: "timers".into(),
                         reason: format!(
-                            "the register {key} of the timer {name} is missing or is not a 32-bit number: {answer}"
+                            "the answer has no 32-bit number for the register {key} of the timer {name}. The answer \
+                             is {answer}"
                         ),
                     })
                 };

@@ -149,8 +149,8 @@ fn judge_clock(clock: Clock) -> Finding {
     let known_ms = known_s * 1e3;
     let found = match rate_ppm {
         Some(rate) => format!(
-            "the rate of the board's clock differs from the rate of this computer's clock by {rate:+.0} ppm; the \
-             error of the estimated board time is at most {known_ms:.2} ms"
+            "the rate of the board's clock differs from the rate of this computer's clock by {rate:+.0} ppm (+ means \
+             faster); the error of the estimated board time is at most {known_ms:.2} ms"
         ),
         None => format!("the error of the estimated board time is at most {known_ms:.2} ms"),
     };

@@ -12,7 +12,7 @@ use serde_json::Value;
 pub fn parse_lenient_json(text: &str, format: FileFormat) -> Result<Value, ReadError> {
     let text = text.trim_start_matches('\u{feff}');
     serde_json::from_str(text).or_else(|error| {
-        let detail = format!("it is not valid JSON: {error}");
+        let detail = format!("it is not valid JSON ({error})");
         serde_json::from_str(&remove_trailing_commas(text)).map_err(|_| ReadError::Syntax { format, detail })
     })
 }

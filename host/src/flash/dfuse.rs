@@ -104,7 +104,10 @@ pub enum DfuError {
         source: PipeError,
     },
     /// The device reports an error.
-    #[error("{step} at {address:#010x}: the bootloader reports the status {status}: {}", describe_status(*.status))]
+    #[error(
+        "{step} at {address:#010x} failed with the status {status} of the bootloader: {}",
+        describe_status(*.status)
+    )]
     Status {
         /// What was done.
         step: &'static str,
@@ -133,10 +136,10 @@ const fn describe_status(status: u8) -> &'static str {
         1 => "the address is not in the flash of the board (errTARGET)",
         3 => "the bootloader could not write (errWRITE)",
         4 => "the bootloader could not erase (errERASE)",
-        6 => "the bootloader could not program (errPROG): the flash at this address was not erased",
+        6 => "the bootloader could not program (errPROG), because the flash at this address was not erased",
         7 => "the bytes that the bootloader reads back differ from the written bytes (errVERIFY)",
         8 => "the address is out of range (errADDRESS)",
-        11 => "the flash is protected (errVENDOR): remove the read protection with a debug probe; this erases the chip",
+        11 => "the flash is protected (errVENDOR). Remove the read protection with a debug probe; this erases the chip",
         _ => "see DFU 1.1, section 6.1.2",
     }
 }

@@ -126,7 +126,8 @@ fn format_system_section(group: &str) -> String {
          DynamicUser=yes\n\
          SupplementaryGroups={group}\n\
          DevicePolicy=closed\n\
-         # USB serial ports (ttyACM, ttyUSB) by major number, because their names are unknown until a driver is loaded.\n\
+         # USB serial ports (ttyACM, ttyUSB) by major number, because systemd does not know the names of these device \
+         classes until a driver is loaded.\n\
          DeviceAllow=char-166 rw\n\
          DeviceAllow=char-188 rw\n\
          DeviceAllow=/dev/ptmx rw\n\

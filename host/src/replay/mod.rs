@@ -110,7 +110,7 @@ fn describe_json_mistake(error: &serde_json::Error) -> String {
     let what = message.split_once(" at line ").map_or(message.as_str(), |(what, _)| what);
     match what.strip_prefix("missing field `").and_then(|rest| rest.strip_suffix('`')) {
         Some(key) => format!("the line has no key {key:?}"),
-        None => format!("column {}: this is not a line of a recording: {what}", error.column()),
+        None => format!("this is not a line of a recording (column {}: {what})", error.column()),
     }
 }
 

@@ -20,7 +20,7 @@ fn an_effect_whose_start_has_passed_is_tried_once_more() {
     let daemon = daemon_with(&board);
     // The board takes effects up to 100 ms late, and gives its host up after 250 ms.
     board.lock().jump_us = 200_000;
-    let (status, _, answer) = daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "effect": "double_click"}"#);
+    let (status, _, answer) = daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "effect": "pulse_train"}"#);
     assert_eq!(status, 200, "{answer}");
     let start_us = answer["device"]["effect"]["start_board_us"].as_u64().unwrap();
     let plays = board.lock().plays;

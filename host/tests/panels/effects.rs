@@ -7,7 +7,7 @@ use era::effects::design::EffectPrediction;
 use era::effects::{
     EffectDesign, EffectRequest, Intensity, NamedEffect, design_effect,
     design_effect_of_windows_if_common_click_exists_else_of_drives, intensity,
-    plan_request_with_intensity_for_targets_without_one,
+    plan_request_with_intensity_for_targets_without_one, sample_acceleration_of_design_unless_undamped_m_per_s2,
 };
 use era::model::Accuracy;
 use era::model::levels::ReducedLevels;
@@ -150,6 +150,37 @@ fn clicks_of_single_windows_do_what_is_predicted() {
         }
     }
     assert!(crisp >= 4, "{crisp} of 5 are crisp");
+}
+
+/// Both clicks of a double click on the simulated device are those that are predicted: the acceleration over time, and the weaker peak.
+#[test]
+fn a_double_click_on_the_simulated_device_is_as_predicted() {
+    for (scene, x_m, y_m, g) in [(EXAMPLE_PLATE, 0.06, 0.05, 0.3), (EXAMPLE_BAR, 0.06, 0.01, 0.5)] {
+        let table = support::table(scene);
+        let poles = table.panel_poles().unwrap();
+        let target = Target { x_m, y_m, intensity_g: Some(g) };
+        let plan = table.plan(&[target]).unwrap();
+        let request = EffectRequest { period_ms: Some(80.0), ..EffectRequest::with_defaults(NamedEffect::DoubleClick) };
+        let options = ClickOptions::default();
+        let design =
+            design_effect_of_windows_if_common_click_exists_else_of_drives(&table, poles, &plan, request, options)
+                .unwrap();
+        assert!(!design.windows.is_empty(), "{design:?}");
+        let felt = record_felt_motion_of_windows(&mut make_bench(&table, &target), &design);
+        let shape = intensity::mode_shape_values_at_point_or_on_bar_axis(&table, x_m, y_m);
+        let from = (LEAD_S * 16e3).round() as usize;
+        let predicted: Vec<f64> =
+            sample_acceleration_of_design_unless_undamped_m_per_s2(&table, poles, &design, &shape, 1.0 / 16e3)
+                .unwrap()
+                .split_off(from);
+        let difference: f64 = felt.iter().zip(&predicted).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+        let error = (difference / felt.len() as f64).sqrt() / largest(&predicted);
+        let clicks = felt.split_at((0.080 * 16e3) as usize);
+        let weaker_g = largest(clicks.0).min(largest(clicks.1)) / STANDARD_GRAVITY;
+        println!("{x_m} {y_m}: error {error:.1e}, weaker {weaker_g:.3} g of {:.3} g", design.predicted.peak_least_g);
+        assert!(error < 0.02, "{x_m} {y_m}: {error}");
+        assert!((weaker_g / design.predicted.peak_least_g - 1.0).abs() < 0.02, "{x_m} {y_m}: {weaker_g}");
+    }
 }
 
 /// Its place in m, and what it is to feel in g.

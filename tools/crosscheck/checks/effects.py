@@ -45,7 +45,7 @@ MOST_CURRENT_A = 0.5e-3
 
 def request(rng):
     """An effect and its options: the arguments, and how long it is meant to take in s where that is given."""
-    # A single click is made of single windows, which checks/clicks.py plays; two are push and brake, each.
+    # Clicks are made of single windows, which checks/clicks.py plays, but for boards that play none: there each is a push and a brake.
     name = str(rng.choice(["buzz", "double_click", "pulse_train", "texture", "swell"], p=[0.12, 0.52, 0.12, 0.12, 0.12]))
     period = int(rng.integers(60, 120))
     match name:
@@ -87,7 +87,7 @@ def run(context):
     where = f"{effect} {' '.join(map(str, words))} at {point[0] * 1e3:.4g},{point[1] * 1e3:.4g} mm, {strength:.3g} g"
     at = f"{point[0] * 1e3!r},{point[1] * 1e3!r}"
     try:
-        answer = context.era.json("effect", "--at", at, "--unit", "mm", "--effect", effect, "--intensity-g", strength, *words)
+        answer = context.era.json("effect", "--at", at, "--unit", "mm", "--effect", effect, "--intensity-g", strength, "--envelopes", *words)
     except ProgramFailed as failure:
         return [not_comparable(quantity, name, f"no effect: {failure}") for quantity in QUANTITIES]
     if any(drive["force_n"] is None for drive in answer["drives"]):

@@ -76,11 +76,11 @@ impl Bench {
     pub fn new_linked_directly_to_board(link: PathBuf) -> Result<Self, Error> {
         let (device, table) = start_device()?;
         let bench = Self { device, table, link, cable: None };
-        bench.create_symlink_to_serial_port(bench.device.port_path())?;
+        bench.point_own_link_at_serial_port(bench.device.port_path())?;
         Ok(bench)
     }
 
-    fn create_symlink_to_serial_port(&self, path: &str) -> Result<(), Error> {
+    fn point_own_link_at_serial_port(&self, path: &str) -> Result<(), Error> {
         std::os::unix::fs::symlink(path, &self.link).map_err(Error::file_error(&self.link))
     }
 
@@ -115,7 +115,7 @@ impl Bench {
     /// [`Error::Line`], [`Error::System`].
     pub fn plug_in(&mut self) -> Result<(), Error> {
         let cable = Cable::new(self.device.port_path())?;
-        self.create_symlink_to_serial_port(&cable.path)?;
+        self.point_own_link_at_serial_port(&cable.path)?;
         self.cable = Some(cable);
         Ok(())
     }

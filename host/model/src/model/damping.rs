@@ -300,7 +300,7 @@ fn compute_modal_ratio_damping_without_actuators(
         stiffness.ger(-spring, &along, &along, 1.0);
     }
     2.0 * weighted_geometric_mean_of_matrices(&mass, &stiffness, lambda, |lambda| {
-        ratio.ratio_at_frequency(lambda.sqrt() / TAU)
+        ratio.damping_ratio_at_frequency(lambda.sqrt() / TAU)
     })
 }
 

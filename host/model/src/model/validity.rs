@@ -17,8 +17,8 @@ pub fn list_thin_plate_warnings(scene: &Scene, max_hz: f64) -> Vec<String> {
     if slenderness > THIN {
         doubts.push(format!(
             "the thickness of the surface is {slenderness:.3} times the shortest length along which the surface \
-             bends, but thin-plate theory is accurate only up to 0.033 times this length: the model of the panel is a \
-             few percent too stiff"
+             bends, but thin-plate theory is accurate only for a thickness of at most 0.033 times this length: the \
+             model of the panel is a few percent too stiff"
         ));
     }
     let too_high = relative_overestimate_of_frequency_by_thin_theory(scene, max_hz);

@@ -42,7 +42,7 @@ impl ModalRatio {
 
     /// The ratio of a mode of this frequency in Hz.
     #[must_use]
-    pub fn ratio_at_frequency(&self, frequency_hz: f64) -> f64 {
+    pub fn damping_ratio_at_frequency(&self, frequency_hz: f64) -> f64 {
         let points = &self.points[..self.count];
         let after = points.partition_point(|(hz, _)| *hz <= frequency_hz);
         match (after.checked_sub(1).and_then(|before| points.get(before)), points.get(after)) {
@@ -65,10 +65,14 @@ mod tests {
             ModalRatio::from_table_if_ascending_with_1_to_10_pairs(&[(50.0, 0.02), (150.0, 0.01), (400.0, 0.04)])
                 .unwrap();
         for (hz, ratio) in [(0.0, 0.02), (50.0, 0.02), (75.0, 0.0175), (150.0, 0.01), (275.0, 0.025), (1e9, 0.04)] {
-            assert!((table.ratio_at_frequency(hz) - ratio).abs() < 1e-15, "{hz}: {}", table.ratio_at_frequency(hz));
+            assert!(
+                (table.damping_ratio_at_frequency(hz) - ratio).abs() < 1e-15,
+                "{hz}: {}",
+                table.damping_ratio_at_frequency(hz)
+            );
         }
         assert!(!table.is_same_for_all_modes() && ModalRatio::from_single_ratio(0.3).is_same_for_all_modes());
-        assert_eq!(ModalRatio::from_single_ratio(0.3).ratio_at_frequency(123.0), 0.3);
+        assert_eq!(ModalRatio::from_single_ratio(0.3).damping_ratio_at_frequency(123.0), 0.3);
         assert_eq!(
             [
                 ModalRatio::from_table_if_ascending_with_1_to_10_pairs(&[]),

@@ -86,7 +86,7 @@ pub fn parse_toml_document<'t>(source_name: &str, text: &'t str) -> Result<Spann
                 )
             }
             (Some(name), _) => format!("not valid TOML: [{name}] is given twice, but may be given only once"),
-            (None, Some(own)) => format!("not valid TOML: {told}: {own}"),
+            (None, Some(own)) => format!("not valid TOML: {told} in the line `{own}`"),
             (None, None) => describe_toml_syntax_mistake(text, line, told),
         };
         SceneError::from_single_mistake(source_name, line, text)
@@ -205,9 +205,9 @@ impl fmt::Display for AllowedNumbers {
 #[must_use]
 pub fn describe_toml_syntax_mistake(text: &str, line: usize, message: &str) -> String {
     match text.lines().nth(line.wrapping_sub(1)).map(str::trim) {
-        Some(own) if own.ends_with('=') => format!("not valid TOML: the key has no value: {own}"),
+        Some(own) if own.ends_with('=') => format!("not valid TOML: in the line `{own}`, the key has no value"),
         Some(own) if message.starts_with("string values must be quoted") => {
-            format!("not valid TOML: a text must be in quotes (key = \"text\"): {own}")
+            format!("not valid TOML: a text must be in quotes (key = \"text\"), but the line is `{own}`")
         }
         _ => format!("not valid TOML: {}", message.trim()),
     }

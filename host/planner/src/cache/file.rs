@@ -37,7 +37,7 @@ pub enum UnusableFile {
     #[error("the table has {0} bytes, but may have at most {MOST_BYTES} bytes")]
     TooLarge(u64),
     /// Others may have written it.
-    #[error("the file is not trusted: {0}")]
+    #[error("the file is not trusted, because {0}")]
     NotOwn(NotOwn),
     /// Others may have put files into its directory.
     #[error(

@@ -6,7 +6,7 @@ use super::designer::{BuiltClick, ClickDesigner, SLOT_SAMPLES};
 use super::felt::{
     FINE_RECORD, filter_50_us_means_to_felt_motion_at_16_khz, filter_50_us_means_to_motion_below_1_khz_at_16_khz,
 };
-use super::measures::{ClickMeasures, measure_click};
+use super::measures::{COUNTED, ClickMeasures, measure_click, measure_click_from_time};
 use super::motion::simulate_windows;
 use super::options::ClickOptions;
 use super::program::TargetResponses;
@@ -30,10 +30,13 @@ const REACHED: f64 = 0.95;
 pub struct ClickDesign {
     /// By their begin; empty if no actuator moves the place.
     pub windows: Vec<ClickWindow>,
-    /// At the first place in m/s^2, times from the burst's start.
+    /// At the first place in m/s^2, times from the burst's start. Of two clicks: the larger peak, the time from which on both are quiet, and the pulse
+    /// of the second one.
     pub measures: ClickMeasures,
     /// Peak at every place in m/s^2.
     pub peaks: Vec<f64>,
+    /// At the first place, the peak in m/s^2 of the weaker one of two clicks; of a single click its peak.
+    pub weakest_peak: f64,
     /// At the first place, felt acceleration in m/s^2 as [`FINE_RECORD`] samples in 1 s, from [`LEAD_S`] after the burst's start on.
     pub felt_motion: Vec<f64>,
     /// Largest acceleration in m/s^2 of all motion below 1 kHz at the first place, felt or not: what an accelerometer shows.
@@ -50,7 +53,7 @@ pub struct ClickDesign {
     pub best_possible: Option<f64>,
     /// What it does to the surface relative to the first place, if anything moves.
     pub surface: Option<SurfaceFigures>,
-    /// Whether every place is quiet at the time asked for, and its peak in time.
+    /// Whether every place is quiet at the time asked for, and its peak in time, in each click from its beginning.
     pub is_crisp: bool,
 }
 
@@ -99,25 +102,37 @@ pub fn design_click_windows(
     if has_several && built.windows.is_empty() {
         return None;
     }
+    let felt = list_felt_motion_of_each_place(&built);
+    let all = measure_click_at_each_place(&felt);
+    let mut each_click = all.clone();
+    let (built, felt, all, travel_limit) = match options.second_click_after_s {
+        None => (built, felt, all, travel_limit),
+        Some(after_s) => {
+            let (both, second_limit) = designer.repeat_click_within_travel_and_get_limiting_actuator(&built, after_s);
+            let felt = list_felt_motion_of_each_place(&both);
+            let second: Vec<ClickMeasures> = felt.iter().map(|felt| measure_click_from_time(felt, after_s)).collect();
+            let whole = measure_click_at_each_place(&felt);
+            let with_second_pulse = |(whole, second): (&ClickMeasures, &ClickMeasures)| ClickMeasures {
+                pulse_s: second.pulse_s,
+                pulse_to_ring_db: second.pulse_to_ring_db,
+                ..*whole
+            };
+            let all = whole.iter().zip(&second).map(with_second_pulse).collect();
+            each_click.extend(second.into_iter().map(ClickMeasures::shift_times_to_count_from_burst_start));
+            (both, felt, all, travel_limit.or(second_limit))
+        }
+    };
     let means = built.motion.mean_acceleration.first().map_or(&[][..], Vec::as_slice);
-    let felt = filter_50_us_means_to_felt_motion_at_16_khz(means);
     let shown_peak =
         filter_50_us_means_to_motion_below_1_khz_at_16_khz(means).iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let all: Vec<ClickMeasures> = std::iter::once(measure_click(&felt))
-        .chain(
-            built
-                .motion
-                .mean_acceleration
-                .iter()
-                .skip(1)
-                .map(|means| measure_click(&filter_50_us_means_to_felt_motion_at_16_khz(means))),
-        )
-        .map(ClickMeasures::shift_times_to_count_from_burst_start)
-        .collect();
+    let felt = felt.into_iter().next()?;
     let measures = *all.first()?;
-    let is_short = all.iter().zip(wishes).any(|(own, wish)| own.peak < REACHED * wish);
+    let is_short = each_click.iter().zip(wishes.iter().cycle()).any(|(own, wish)| own.peak < REACHED * wish);
+    let at_first_place = each_click.iter().step_by(wishes.len().max(1));
+    let weakest_peak = at_first_place.map(|own| own.peak).fold(f64::INFINITY, f64::min);
     let end_s = built.windows.iter().map(|window| window.begin_s + window.width_s).fold(0.0, f64::max);
-    let after = felt.iter().enumerate().filter(|(k, _)| index_to_time_s(*k) >= end_s).map(|(_, x)| x.abs());
+    let after =
+        felt.iter().take(COUNTED).enumerate().filter(|(k, _)| index_to_time_s(*k) >= end_s).map(|(_, x)| x.abs());
     // What precedes the beginning is at the record's end.
     let residual =
         if measures.peak > 0.0 { after.take(felt.len() / 2).fold(0.0, f64::max) / measures.peak } else { 0.0 };
@@ -155,6 +170,7 @@ pub fn design_click_windows(
         windows,
         measures,
         peaks: all.iter().map(|own| own.peak).collect(),
+        weakest_peak,
         felt_motion: felt,
         shown_peak,
         residual,
@@ -163,8 +179,18 @@ pub fn design_click_windows(
         amplitudes: built.motion.amplitudes,
         best_possible,
         surface,
-        is_crisp: all.iter().all(|own| options.does_motion_peak_and_become_quiet_in_time(own)),
+        is_crisp: each_click.iter().all(|own| options.does_motion_peak_and_become_quiet_in_time(own)),
     })
+}
+
+/// Felt acceleration in m/s^2 at every place, as [`FINE_RECORD`] samples in 1 s from the first slot on.
+fn list_felt_motion_of_each_place(built: &BuiltClick) -> Vec<Vec<f64>> {
+    built.motion.mean_acceleration.iter().map(|means| filter_50_us_means_to_felt_motion_at_16_khz(means)).collect()
+}
+
+/// The figures of a click at every place, from its felt motion; times from the burst's start.
+fn measure_click_at_each_place(felt: &[Vec<f64>]) -> Vec<ClickMeasures> {
+    felt.iter().map(|felt| measure_click(felt).shift_times_to_count_from_burst_start()).collect()
 }
 
 /// The click for the first wish, weakened until no mass goes too far, and the actuator that it was weakened for.

@@ -348,6 +348,24 @@ impl ClickDesigner<'_> {
         self.build_click_of_windows_and_simulate_motion(windows, (built.saturated.clone(), built.lacks))
     }
 
+    /// The windows of a click, and the same again `after_s` later. If the second click, which begins while the first one still moves a mass, takes the
+    /// mass too far, both are weakened, and the actuator of this mass is returned.
+    pub fn repeat_click_within_travel_and_get_limiting_actuator(
+        &self,
+        built: &BuiltClick,
+        after_s: f64,
+    ) -> (BuiltClick, Option<usize>) {
+        let move_later = |window: &ClickWindow| ClickWindow { begin_s: window.begin_s + after_s, ..*window };
+        let windows = built.windows.iter().copied().chain(built.windows.iter().map(move_later)).collect();
+        let both = self.build_click_of_windows_and_simulate_motion(windows, (built.saturated.clone(), built.lacks));
+        match self.find_actuator_and_ratio_of_largest_travel_above_usable_travel(&both.motion) {
+            Some((actuator, excess)) => {
+                (self.scale_window_voltages_of_built_click_to_force_fraction(&both, 0.97 / excess), Some(actuator))
+            }
+            None => (both, None),
+        }
+    }
+
     /// The actuator whose mass goes furthest beyond its limit, and by which factor, if any does.
     pub fn find_actuator_and_ratio_of_largest_travel_above_usable_travel(
         &self,

@@ -14,7 +14,7 @@ const RING_ENDS: f64 = 0.01;
 /// Time in s for which it has to be quiet at least: between two crests anything is.
 const QUIET_FOR_S: f64 = 0.05;
 /// Last sample of a record that counts: what comes before its beginning is at its end.
-const COUNTED: usize = FINE_RECORD * 9 / 10;
+pub const COUNTED: usize = FINE_RECORD * 9 / 10;
 
 /// The figures of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,6 +51,14 @@ impl ClickMeasures {
 #[expect(clippy::cast_precision_loss, reason = "a constant")]
 pub fn measure_click(motion: &[f64]) -> ClickMeasures {
     measure_motion(motion.get(..COUNTED).unwrap_or(motion), 1.0 / FINE_RECORD as f64)
+}
+
+/// Measures what a felt motion of [`FINE_RECORD`] samples in 1 s is from a time in s on; times count from there.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some thousand samples")]
+pub fn measure_click_from_time(motion: &[f64], from_s: f64) -> ClickMeasures {
+    let from = (from_s * FINE_RECORD as f64).round() as usize;
+    measure_motion(motion.get(from..COUNTED).unwrap_or(&[]), 1.0 / FINE_RECORD as f64)
 }
 
 /// Measures a motion with a sample every `step_s`.

@@ -2,6 +2,7 @@
 
 use super::measures::ClickMeasures;
 use era_shared::supply::RAILS;
+use era_shared::waveform::MAX_WINDOWS;
 
 /// What a click is to be where it cannot be both strong and crisp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -41,9 +42,17 @@ pub struct ClickOptions {
     /// The voltages in V at which the rails stand, 0 where that is not known. Where a click needs not much less, it is designed for these voltages:
     /// a board that changes its rails begins some 13 ms later.
     pub standing_rails_v: [f64; RAILS],
+    /// Of a double click, the time in s from the first click to the second, which is the same; `None` for a single click.
+    pub second_click_after_s: Option<f64>,
 }
 
 impl ClickOptions {
+    /// Most windows of each click: a board takes all windows of a double click at once.
+    #[must_use]
+    pub const fn max_windows_of_each_click(&self) -> usize {
+        if self.second_click_after_s.is_some() { MAX_WINDOWS / 2 } else { MAX_WINDOWS }
+    }
+
     /// Whether a place that moves like this clicks crisply: its peak comes in time, and it is quiet at the time asked for. Times count from the
     /// burst's start.
     #[must_use]
@@ -69,6 +78,7 @@ impl Default for ClickOptions {
             with_best_possible: false,
             force_fraction: 1.0,
             standing_rails_v: [0.0; RAILS],
+            second_click_after_s: None,
         }
     }
 }

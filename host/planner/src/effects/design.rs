@@ -65,7 +65,7 @@ pub struct EffectPrediction {
     /// Peak acceleration in g, harmonics of the force up to 1 kHz included: mean over how the drives' cycles may fall. Of a click of single
     /// windows: in the felt band, which is full to 300 Hz and ends at 500 Hz, as are its times and what is left.
     pub peak_g: f64,
-    /// Least over that.
+    /// Least over that. Of two clicks of single windows: the peak of the weaker one.
     pub peak_least_g: f64,
     /// Most over that. Of a click of single windows: the peak of all motion below 1 kHz, felt or not, which an accelerometer shows.
     pub peak_most_g: f64,
@@ -76,17 +76,19 @@ pub struct EffectPrediction {
     /// Deprecated, for one version: the same as `residual`. An actuator may be called `left`, too.
     #[cfg_attr(feature = "schema", schema(deprecated))]
     pub left: f64,
-    /// From here on it stays below a tenth of the peak, in ms; `null` if not within 300 ms of the end.
+    /// From here on it stays below a tenth of the peak, in ms after the start, also of two clicks; `null` if not within 300 ms of the end.
     pub quiet_ms: Option<f64>,
-    /// Of a click of single windows, whether its peak comes within 15 ms and it is quiet within `crisp_ms`, at all targets; `null` of other effects.
+    /// Of a click of single windows, whether its peak comes within 15 ms and it is quiet within `crisp_ms`, at all targets; of two such clicks,
+    /// whether both do so from their own start; `null` of other effects.
     pub crisp: Option<bool>,
     /// The same as `quiet_ms` for a click without its brake.
     pub quiet_unbraked_ms: Option<f64>,
     /// Of a click of single windows, the strongest crisp one that no drive of these actuators exceeds, in g, if it was asked for.
     pub best_possible_g: Option<f64>,
-    /// Of a single click, for how long it is above a tenth of its peak, in ms; of a push, all drives beginning together, as `peak_at_ms`.
+    /// Of a click, for how long it is above a tenth of its peak, in ms; of a push, all drives beginning together, as `peak_at_ms`. Of two
+    /// clicks of single windows, that of the second one; `null` of two pushes.
     pub pulse_ms: Option<f64>,
-    /// Of a single click, root mean square of that pulse over that of what rings after it down to a hundredth of the peak, in dB.
+    /// Root mean square of that pulse over that of what rings after it down to a hundredth of the peak, in dB.
     pub pulse_to_ring_db: Option<f64>,
     /// That ratio over the pulse's length, in dB/ms: the figure of merit for sharpness.
     pub sharpness_db_per_ms: Option<f64>,

@@ -195,7 +195,12 @@ impl EffectRequest {
     #[must_use]
     pub fn click_options(&self) -> ClickOptions {
         let usual = ClickOptions::default();
+        let (_, _, period) = self.effect.least_most_and_default_duration_count_and_period_if_any();
+        let period_ms = self.period_ms.or(period.map(|(_, _, default_ms)| default_ms));
         ClickOptions {
+            second_click_after_s: period_ms
+                .filter(|_| self.effect == NamedEffect::DoubleClick)
+                .map(|ms| 1e-3 * ms.round()),
             crisp_s: self.crisp_ms.map_or(usual.crisp_s, |crisp_ms| 1e-3 * crisp_ms),
             preference: self.prefer.unwrap_or_default(),
             ..usual

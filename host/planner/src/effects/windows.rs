@@ -16,8 +16,12 @@ use nalgebra::DVector;
 /// Most fingers of a click of single windows: for more, two to four actuators have no common click.
 const MOST_FINGERS: usize = 3;
 
-/// Designs an effect for a board that plays single windows: a click for up to three fingers without quiet zones is a burst of them, if
-/// they have a common one, and everything else is as [`design_effect`] has it.
+/// Fraction of the wish that each click of a double click has at least: a weaker double click is made of pushes if these are stronger. All windows of
+/// both clicks have to fit a board at once, so that each click has half of them.
+const STRONG_ENOUGH: f64 = 0.8;
+
+/// Designs an effect for a board that plays single windows: a click or a double click for up to three fingers without quiet zones is a burst
+/// of them, if the fingers have a common one, and everything else is as [`design_effect`] has it.
 ///
 /// # Errors
 /// [`DesignError`].
@@ -28,8 +32,15 @@ pub fn design_effect_of_windows_if_common_click_exists_else_of_drives(
     request: EffectRequest,
     options: ClickOptions,
 ) -> Result<EffectDesign, DesignError> {
+    let second_click_after_s = request.click_options().second_click_after_s;
+    let options = ClickOptions { second_click_after_s, ..options };
+    let design_of_drives = || {
+        let mut weaker = plan.clone();
+        weaker.targets.iter_mut().for_each(|target| target.wanted_g *= options.force_fraction);
+        design_effect(table, rise, &weaker, request)
+    };
     if !is_click_for_up_to_three_targets_without_quiet_zones(plan, request) {
-        return design_effect(table, rise, plan, request);
+        return design_of_drives();
     }
     request.check_parameters_and_choose_clicks_or_fixed_envelope()?;
     let shape = |own: &&TargetResult| mode_shape_values_at_point_or_on_bar_axis(table, own.x_m, own.y_m);
@@ -37,8 +48,15 @@ pub fn design_effect_of_windows_if_common_click_exists_else_of_drives(
     let shapes: Vec<DVector<f64>> = clicking.iter().map(shape).collect();
     let wishes: Vec<f64> = clicking.iter().map(|own| own.wanted_g * STANDARD_GRAVITY).collect();
     let Some(click) = design_click_windows(table, rise, &shapes, &wishes, options) else {
-        return design_effect(table, rise, plan, request);
+        return design_of_drives();
     };
+    let is_weak = wishes.first().is_some_and(|wish| click.weakest_peak < STRONG_ENOUGH * options.force_fraction * wish);
+    if second_click_after_s.is_some() && is_weak {
+        let pushes = design_of_drives()?;
+        if pushes.predicted.peak_least_g * STANDARD_GRAVITY > click.weakest_peak {
+            return Ok(pushes);
+        }
+    }
     let mut peaks = click.peaks.clone().into_iter();
     let find_peak = |own: &TargetResult| {
         if clicking.iter().any(|clicking| std::ptr::eq(*clicking, own)) {
@@ -62,7 +80,8 @@ fn list_targets_that_want_motion_or_all_if_none(plan: &Plan) -> Vec<&TargetResul
 #[must_use]
 pub fn is_click_for_up_to_three_targets_without_quiet_zones(plan: &Plan, request: EffectRequest) -> bool {
     let fingers = list_targets_that_want_motion_or_all_if_none(plan).len();
-    request.effect == NamedEffect::Click && (1..=MOST_FINGERS).contains(&fingers) && plan.quiet.is_empty()
+    let is_click = matches!(request.effect, NamedEffect::Click | NamedEffect::DoubleClick);
+    is_click && (1..=MOST_FINGERS).contains(&fingers) && plan.quiet.is_empty()
 }
 
 fn effect_from_click(table: &PlanTable, request: EffectRequest, click: ClickDesign) -> EffectDesign {
@@ -80,7 +99,7 @@ fn effect_from_click(table: &PlanTable, request: EffectRequest, click: ClickDesi
     let peak_g = measures.peak / STANDARD_GRAVITY;
     let predicted = EffectPrediction {
         peak_g,
-        peak_least_g: peak_g,
+        peak_least_g: click.weakest_peak / STANDARD_GRAVITY,
         peak_most_g: click.shown_peak.max(measures.peak) / STANDARD_GRAVITY,
         peak_at_ms: 1e3 * measures.peak_s,
         residual: click.residual,

@@ -177,8 +177,8 @@ impl ClickMap {
         let times = self.clicks.iter().map(draw).collect();
         let field = PeakField { x_mm: self.x_mm.clone(), y_mm: self.y_mm.clone(), peak_g: times };
         let title = format!(
-            "{}: time until a click of {} g is quiet (places that become quiet later, or never, have the colour of \
-             {end_ms:.0} ms)",
+            "{}: time until a click of {} g is quiet (places that are not yet quiet after {end_ms:.0} ms have the \
+             colour of {end_ms:.0} ms)",
             scene.name, self.intensity_g
         );
         write_map_png(path, scene, &field, &title, ((0.0, end_ms), "time in ms"), &[])

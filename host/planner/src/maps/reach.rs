@@ -114,14 +114,14 @@ pub fn write_schemes_png(
     let title = match scene.surface.kind {
         SurfaceKind::Bar => {
             format!(
-                "{}: three drive schemes; red line: peak at the weakest place of the scheme with distinct \
-            frequencies",
+                "{}: three drive schemes; the red line is the peak at the weakest place for the scheme with distinct \
+                 frequencies",
                 scene.name
             )
         }
         SurfaceKind::Plate => format!(
-            "{}: upper row: {one}; lower row: {each}; red: places weaker than the weakest place of the scheme with \
-            distinct frequencies",
+            "{} (upper row: {one}; lower row: {each}; red: places with a peak below the lowest peak of the scheme with \
+             distinct frequencies)",
             scene.name
         ),
     };

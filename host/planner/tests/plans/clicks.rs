@@ -7,9 +7,10 @@ use era_planner::Target;
 use era_planner::click::{ClickDesign, ClickOptions, Preference, design_click_windows};
 use era_planner::effects::intensity::mode_shape_values_at_point_or_on_bar_axis;
 use era_planner::effects::{
-    EffectRequest, NamedEffect, design_effect, design_effect_of_windows_if_common_click_exists_else_of_drives,
+    EffectRequest, EffectWindow, NamedEffect, design_effect,
+    design_effect_of_windows_if_common_click_exists_else_of_drives,
 };
-use era_shared::waveform::Segment;
+use era_shared::waveform::{MAX_WINDOWS, Segment};
 
 const WISHES_G: [f64; 9] = [0.1, 0.3, 0.45, 0.5, 0.6, 0.7, 1.0, 2.0, 50.0];
 
@@ -111,6 +112,75 @@ fn a_weakened_click_is_quieter() {
         [whole.scale_copy_to_force_fraction(0.5), half].map(|design| design.predicted.sound_db.unwrap());
     assert!((weakened_db - half_db).abs() < 0.3, "{weakened_db} {half_db}");
     assert_eq!(whole.scale_copy_to_force_fraction(0.0).predicted.sound_db, None);
+}
+
+/// On a board that plays single windows, a double click is one burst twice: all windows of the first click come again after the period, to the
+/// tick, no board has to take more than it can, and each click is as strong as requested and crisp.
+#[test]
+fn a_double_click_of_windows_is_the_same_click_twice() {
+    for (text, places, wish_g) in [
+        (EXAMPLE_PLATE, [(0.06, 0.05), (0.15, 0.10), (0.1125, 0.0625)], 0.3),
+        (EXAMPLE_BAR, [(0.03, 0.0), (0.11, 0.0), (0.26, 0.0)], 0.8),
+    ] {
+        let table = build_table(text);
+        for (x_m, y_m) in places {
+            for period_ms in [50.0, 120.0, 500.0] {
+                let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(wish_g) }]).unwrap();
+                let request = EffectRequest {
+                    period_ms: Some(period_ms),
+                    ..EffectRequest::with_defaults(NamedEffect::DoubleClick)
+                };
+                let design = design_effect_of_windows_if_common_click_exists_else_of_drives(
+                    &table,
+                    table.panel_poles().unwrap(),
+                    &plan,
+                    request,
+                    ClickOptions::default(),
+                )
+                .unwrap();
+                let (shown, predicted) = (format!("{x_m}, {y_m}, {period_ms} ms: {design:?}"), design.predicted);
+                let (first, second) = design.windows.split_at(design.windows.len() / 2);
+                assert!(!first.is_empty() && design.windows.len() <= MAX_WINDOWS, "{shown}");
+                for (window, again) in first.iter().zip(second) {
+                    let moved = EffectWindow { begin_us: window.begin_us + 1e3 * period_ms, ..window.clone() };
+                    assert!((moved.begin_us - again.begin_us).abs() < 0.01, "{shown}");
+                    assert_eq!(
+                        EffectWindow { begin_us: 0.0, ..moved },
+                        EffectWindow { begin_us: 0.0, ..again.clone() }
+                    );
+                }
+                assert_eq!(predicted.crisp, Some(true), "{shown}");
+                assert!((0.9 * wish_g..=predicted.peak_g).contains(&predicted.peak_least_g), "{shown}");
+                // What is left of the first click is a tenth of it at most.
+                assert!((wish_g..1.25 * wish_g).contains(&(predicted.peak_g / 0.9)), "{shown}");
+                assert!(predicted.quiet_ms.is_some_and(|ms| (period_ms..=period_ms + 45.0).contains(&ms)), "{shown}");
+                assert!(predicted.contrast_db.is_some() && predicted.sound_db.is_some(), "{shown}");
+            }
+        }
+    }
+}
+
+/// Where half of a board's windows make too weak a click, a double click is made of pushes, if these are stronger.
+#[test]
+fn a_double_click_is_no_weaker_than_its_pushes() {
+    let table = build_table(EXAMPLE_PLATE);
+    let poles = table.panel_poles().unwrap();
+    let mut pushed = 0;
+    for (x_m, y_m) in [(0.1125, 0.0625), (0.15, 0.10), (0.01, 0.01), (0.27, 0.11)] {
+        for wish_g in [0.5, 1.0, 5.0] {
+            let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(wish_g) }]).unwrap();
+            let request = EffectRequest::with_defaults(NamedEffect::DoubleClick);
+            let options = ClickOptions::default();
+            let found =
+                design_effect_of_windows_if_common_click_exists_else_of_drives(&table, poles, &plan, request, options)
+                    .unwrap();
+            let pushes = design_effect(&table, poles, &plan, request).unwrap();
+            let least_g = (0.8 * wish_g).min(pushes.predicted.peak_least_g);
+            assert!(found.predicted.peak_least_g >= least_g - 1e-9, "{x_m}, {y_m}, {wish_g} g: {found:?}");
+            pushed += u32::from(found.windows.is_empty());
+        }
+    }
+    assert!(pushed > 0, "no wish is too strong for windows");
 }
 
 /// The second push of each drive begins at the boundary of its periods that is nearest to the time asked for, however long a push wants to be.

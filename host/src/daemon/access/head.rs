@@ -65,7 +65,8 @@ fn check_transfer_coding_is_chunked_once_or_absent_and_never_in_te(headers: &Hea
     let codings = split_header_lists_into_lowercase_values_without_parameters(headers, &header::TRANSFER_ENCODING);
     if let Some(other) = codings.iter().find(|coding| *coding != "chunked") {
         let detail = format!(
-            "the header transfer-encoding is {other}, but must be chunked, or absent if there is a content-length"
+            "the header transfer-encoding is {other}, but only chunked is allowed: send the body in chunks, or send a \
+             content-length and no transfer-encoding"
         );
         let problem = Problem::new(ProblemKind::TransferCoding, detail);
         return Err(problem.with_field_and_value("transfer-encoding", other.as_str().into(), "chunked".into(), None));

@@ -54,8 +54,8 @@ fn check_scheme_has_origins(scheme: &str) -> Result<(), String> {
         "ws" | "wss" => {
             let page = if scheme == "ws" { "http" } else { "https" };
             Err(format!(
-                "{ORIGIN}; for a live socket (WebSocket), give the origin of the page that opens the socket: this \
-                origin begins with {page}://"
+                "{ORIGIN}; to allow a live socket (WebSocket), give the origin of the page that opens the socket, not \
+                 the address of the socket. The origin of the page begins with {page}://"
             ))
         }
         "about" | "blob" | "data" | "ftp" | "javascript" => {

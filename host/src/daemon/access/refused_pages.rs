@@ -45,7 +45,7 @@ fn advise_how_to_allow_origin(origin: &str, allow_origin_value_or_fault: &Result
              of the page (python3 -m http.server 8000), and allow http://localhost:8000"
                 .into()
         }
-        Err(wanted) => format!("this origin cannot be allowed, because an allowed origin {wanted}"),
+        Err(wanted) => format!("the daemon cannot allow this origin. An origin that the daemon can allow {wanted}"),
     }
 }
 

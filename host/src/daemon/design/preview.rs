@@ -256,8 +256,8 @@ pub(super) fn limit_exceeded_problem<T: std::fmt::Display + Into<serde_json::Val
 ) -> Problem {
     let place = line.map_or_else(String::new, |line| format!("{SOURCE}:{line}: "));
     let detail = format!(
-        "{place}{field}: {value} {unit}, but a preview or study that the daemon computes may have at \
-        most {limit}"
+        "{place}{field}: there are {value} {unit}, but the daemon computes only previews and studies with at most \
+         {limit}"
     );
     let allowed = format!("at most {limit} {unit}");
     Problem::new(ProblemKind::TooLarge, detail).with_field_and_value(field, value.into(), allowed, line)

@@ -22,6 +22,7 @@ struct ClickKey {
     force_fraction: u64,
     prefers_crispness: bool,
     has_best_possible: bool,
+    second_click_after_s: Option<u64>,
 }
 
 impl ClickKey {
@@ -33,6 +34,7 @@ impl ClickKey {
             force_fraction: options.force_fraction.to_bits(),
             prefers_crispness: options.preference == Preference::Crispness,
             has_best_possible: options.with_best_possible,
+            second_click_after_s: options.second_click_after_s.map(f64::to_bits),
         }
     }
 }
@@ -169,6 +171,8 @@ mod tests {
             (plan(0.06, 0.5), ClickOptions { force_fraction: 0.5, ..standard }),
             (plan(0.06, 0.5), ClickOptions { with_best_possible: !standard.with_best_possible, ..standard }),
             (plan(0.06, 0.5), ClickOptions { preference: Preference::Crispness, ..standard }),
+            (plan(0.06, 0.5), ClickOptions { second_click_after_s: Some(0.12), ..standard }),
+            (plan(0.06, 0.5), ClickOptions { second_click_after_s: Some(0.13), ..standard }),
         ] {
             assert!(ask(&plan, options).1);
             assert!(!ask(&plan, options).1);

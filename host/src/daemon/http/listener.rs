@@ -166,7 +166,7 @@ impl TlsFiles {
             let fault = describe_date_fault(&find_date_fault(certificate, UnixTime::now())?)?;
             let which =
                 if number == 1 { "the certificate".into() } else { format!("certificate {number} of the chain") };
-            Some(format!("{name}: {which} {fault}; clients refuse this certificate: replace it"))
+            Some(format!("{name}: {which} {fault}; clients refuse this certificate, so replace the certificate"))
         };
         (1..).zip(&all).filter_map(told).collect()
     }
@@ -195,7 +195,7 @@ impl TlsFiles {
                 file: files.key.display().to_string(),
                 reason: format!(
                     "the key is missing, but the certificate {} exists: move the certificate to another folder and \
-                     start the daemon again: the daemon then makes a new certificate and a new key",
+                     start the daemon again. The daemon then makes a new certificate and a new key",
                     files.certificate.display()
                 ),
             }),
@@ -461,8 +461,9 @@ pub fn find_or_make_certificate(folder: &Path, names_for_new_certificate: &[Stri
     {
         damaged_certificate::rename_damaged_files([&files.certificate, &files.key]).map_err(unwritten(folder))?;
         tracing::warn!(
-            "{} {reason}, probably because a write was interrupted. The daemon added .damaged to the names of the old \
-             files, and now makes a new certificate and a new key. Clients need the new certificate",
+            "{} {reason}, probably because a write was interrupted. The daemon added .damaged to the name of the old \
+             certificate file and to the name of the old key file (if they existed), and now makes a new certificate \
+             and a new key. Clients need the new certificate",
             damaged.display()
         );
     }

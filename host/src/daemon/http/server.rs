@@ -56,7 +56,8 @@ pub async fn serve_until_shutdown_or_session_end(
             () = shutdown => {}
             () = watched.driver.wait_for_session_end() => {
                 tracing::error!(
-                    "{}; the daemon exits so that the service manager can start it again",
+                    "{}. The daemon now exits; if a service manager runs the daemon, the service manager restarts the \
+                     daemon",
                     SessionError::Ended
                 );
                 told.send_replace(EndReason::Session);

@@ -88,7 +88,7 @@ struct FingerDrive {
 
 impl FingerDrive {
     /// The drive `plan` of a step, in place of the one before.
-    fn begin_or_continue_since_earlier_start(before: Option<Self>, plan: u64, step: &FingerStep) -> Self {
+    fn replace_plan_keeping_start_if_same_kind(before: Option<Self>, plan: u64, step: &FingerStep) -> Self {
         // A texture is felt while its finger moves; it is no tap.
         let least = if step.is_texture { Duration::ZERO } else { TAP };
         let since = before.filter(|before| before.least == least).map_or_else(Instant::now, |before| before.since);
@@ -213,7 +213,7 @@ impl TouchingFingers {
                     // An effect ends by itself, whatever the fingers do meanwhile.
                     DriveMode::Effect(_) | DriveMode::Designed(_) => None,
                     DriveMode::Hold(_) => {
-                        Some(FingerDrive::begin_or_continue_since_earlier_start(self.held, done.plan_id, &step))
+                        Some(FingerDrive::replace_plan_keeping_start_if_same_kind(self.held, done.plan_id, &step))
                     }
                 };
                 Ok(())

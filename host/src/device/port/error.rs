@@ -36,7 +36,7 @@ pub enum PortError {
         denial: PortDenial,
     },
     /// A call has not returned.
-    #[error("the call {call} on the port {path} has not returned for {waited:.1?}{}", .users.sentence_about_visible_or_hidden_users_of_faulty_port_or_empty())]
+    #[error("the call `{call}` on the port {path} has not returned for {waited:.1?}{}", .users.sentence_about_visible_or_hidden_users_of_faulty_port_or_empty())]
     Late {
         /// The port.
         path: String,
@@ -54,7 +54,7 @@ pub enum PortError {
         path: String,
     },
     /// Anything else.
-    #[error("the call {call} on the port {path} failed: {source}{}", cable_advice_if_board_has_gone(.source))]
+    #[error("the call `{call}` on the port {path} failed: {source}{}", cable_advice_if_board_has_gone(.source))]
     Failed {
         /// The port.
         path: String,

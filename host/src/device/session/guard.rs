@@ -72,7 +72,7 @@ impl SessionWorker {
     }
 
     /// Turns the error of a request that was ended because its answer was late into one that says so: it can be asked for again.
-    pub(super) fn convert_halted_to_late_error(&self, error: SessionError) -> SessionError {
+    pub(super) fn convert_error_of_halted_device_to_late_answer(&self, error: SessionError) -> SessionError {
         match error {
             SessionError::Link(error @ LinkError::Halted { .. }) => {
                 SessionError::Late { path: self.device.port_path().to_owned(), reason: error.to_string() }
@@ -90,14 +90,14 @@ impl SessionWorker {
         let reason = match self.again_since.filter(|since| asked_at < *since) {
             Some(since) if now < since => format!(
                 "the computer slept or the daemon was suspended, so the daemon refuses all requests for the next \
-                 {:.0?}: send the request again after this time",
+                 {:.0?}. Send the request again after this time",
                 since - now
             ),
             Some(_) => "the request was sent while the device did not answer, or while the daemon did not run, so the \
-                        daemon does not carry out the request: send the request again"
+                        daemon does not carry out the request. Send the request again"
                 .to_owned(),
             None if asked_at.elapsed() > oldest => format!(
-                "the request has waited for {:.0?}, but may wait for at most {oldest:.0?}: send the request again",
+                "the request has waited for {:.0?}, but may wait for at most {oldest:.0?}. Send the request again",
                 asked_at.elapsed()
             ),
             None => return Ok(()),

@@ -145,7 +145,8 @@ impl SessionWorker {
                     let result = self
                         .refuse_order_too_old_or_from_before_device_was_back(asked)
                         .and_then(|()| self.begin_drive_handling_link_errors(order));
-                    let _ = answer.send(result.map_err(|error| self.convert_halted_to_late_error(error)));
+                    let _ =
+                        answer.send(result.map_err(|error| self.convert_error_of_halted_device_to_late_answer(error)));
                 }
                 Ok(Command::Stop { number, answer }) => {
                     let _ = answer.send(self.stop_unless_obeyed_and_refresh_state(number));
@@ -167,7 +168,8 @@ impl SessionWorker {
                     let result = self
                         .refuse_order_too_old_or_from_before_device_was_back(asked)
                         .and_then(|()| self.arm_and_precharge_on_person_request_even_after_outage(stops));
-                    let _ = answer.send(result.map_err(|error| self.convert_halted_to_late_error(error)));
+                    let _ =
+                        answer.send(result.map_err(|error| self.convert_error_of_halted_device_to_late_answer(error)));
                 }
                 Ok(Command::Close) | Err(RecvTimeoutError::Disconnected) => {
                     if self.client.is_some()

@@ -177,7 +177,7 @@ impl SimBoard {
         };
         self.panel.restart_clock();
         for (rail, volts) in volts.into_iter().enumerate() {
-            self.panel.set_rail(rail, SimRail::new_discharging(volts, 0.0));
+            self.panel.set_rail(rail, SimRail::new_discharging_since(volts, 0.0));
         }
     }
 

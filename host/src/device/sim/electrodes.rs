@@ -209,7 +209,7 @@ mod tests {
         let step_s = 25e-6;
         let mut electrodes = SimElectrodes::new(step_s);
         electrodes.set_broken(fault.map(|fault| BrokenElectrode { channel: 0, electrode: Electrode::A, fault }));
-        let mut rails = [SimRail::new_discharging(0.0, 0.0); RAILS];
+        let mut rails = [SimRail::new_discharging_since(0.0, 0.0); RAILS];
         let supply = SupplyCommand {
             enabled: true,
             permitted: true,

@@ -111,7 +111,7 @@ impl SimPanel {
             next: DVector::zeros(2 * n),
             forces: DVector::zeros(system.force.ncols()),
             sources: [const { None }; MAX_CHANNELS],
-            rails: [SimRail::new_discharging(0.0, 0.0); RAILS],
+            rails: [SimRail::new_discharging_since(0.0, 0.0); RAILS],
             connected: false,
             electrodes: SimElectrodes::new(step_s),
             at_electrodes: 1.0,
@@ -236,7 +236,7 @@ impl SimPanel {
     /// The rail with this index; a discharged one if there is no such rail.
     #[must_use]
     pub fn rail(&self, index: usize) -> SimRail {
-        self.rails.get(index).copied().unwrap_or(SimRail::new_discharging(0.0, 0.0))
+        self.rails.get(index).copied().unwrap_or(SimRail::new_discharging_since(0.0, 0.0))
     }
 
     /// Changes the course of a rail.

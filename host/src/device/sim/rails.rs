@@ -23,7 +23,7 @@ pub struct SimRail {
 impl SimRail {
     /// A rail that stands at `volts` from `time_s` on and discharges.
     #[must_use]
-    pub const fn new_discharging(volts: f64, time_s: f64) -> Self {
+    pub const fn new_discharging_since(volts: f64, time_s: f64) -> Self {
         Self { from_s: time_s, from_v: volts, target_v: 0.0, tau_s: DISCHARGE_S }
     }
 
@@ -79,7 +79,7 @@ mod tests {
 
     #[test]
     fn rails_rise_bleed_and_discharge() {
-        let mut rail = SimRail::new_discharging(0.0, 0.0);
+        let mut rail = SimRail::new_discharging_since(0.0, 0.0);
         rail.apply_supply_command(0.0, &supply(true, false, 1000), 0, false);
         assert!((rail.volts_at(RISE_S) - 1000.0 * (1.0 - (-1.0_f64).exp())).abs() < 1e-9);
         // Told the same again, it goes on as before.

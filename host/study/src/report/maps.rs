@@ -40,9 +40,9 @@ pub(super) fn write_peak_maps_of_base_and_best_html(study: &Study, finals: &Veri
             .into();
     }
     let mut html = format!(
-        "<p>The maps show the largest possible peak at each place, from {} g (dark) to {} g (light) on a logarithmic \
-         scale, if frequencies, amplitudes and phases are chosen for each place. Circles are actuators, squares are \
-         supports, the cross is the weakest place.</p>\n\
+        "<p>The maps show the largest possible peak at each place if frequencies, amplitudes and phases are chosen \
+         for this place. The scale is logarithmic, from {} g (dark) to {} g (light). Circles are actuators, squares \
+         are supports, the cross is the weakest place.</p>\n\
          <div class=\"maps\">\n",
         format_four_significant_digits_or_no_value_if_nan(least),
         format_four_significant_digits_or_no_value_if_nan(most)

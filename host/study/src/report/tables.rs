@@ -275,7 +275,10 @@ fn write_improvement_by_last_quarter_html_or_empty_unless_one_wish(study: &Study
             format_four_significant_digits_or_no_value_if_nan(wish.goal.loss_of_figure(last))
         )
     } else {
-        format!("<p>No design in the last quarter has a better {name} than the best of the earlier designs.</p>\n")
+        format!(
+            "<p>In the last quarter of the designs, no design has a better {name} than the best of the earlier \
+             designs.</p>\n"
+        )
     }
 }
 

@@ -140,7 +140,11 @@ impl StudyFolder {
     ///
     /// # Errors
     /// As [`StudyFolder::write_task_rows`].
-    pub fn write_encoded_task_rows_if_of_study(&self, task: StudyTask, bytes: &[u8]) -> Result<bool, FolderError> {
+    pub fn write_encoded_rows_if_of_this_study_and_task(
+        &self,
+        task: StudyTask,
+        bytes: &[u8],
+    ) -> Result<bool, FolderError> {
         let is_own = decode_task_rows_if_of_study_and_task(&self.key, task, bytes).is_some();
         if is_own {
             self.write_file_atomically(&format!("{ROWS}/{}", task.rows_file_name()), bytes)?;
@@ -232,8 +236,8 @@ mod tests {
         fs::write(place.path().join("rows").join(other.rows_file_name()), &whole).unwrap();
         assert_eq!(folder.load_task_rows_if_complete(other).unwrap(), None);
         assert!(
-            !folder.write_encoded_task_rows_if_of_study(other, &whole).unwrap()
-                && folder.write_encoded_task_rows_if_of_study(task, &whole).unwrap()
+            !folder.write_encoded_rows_if_of_this_study_and_task(other, &whole).unwrap()
+                && folder.write_encoded_rows_if_of_this_study_and_task(task, &whole).unwrap()
         );
         assert_eq!(folder.load_task_rows_if_complete(task).unwrap(), Some(make_task_rows()));
     }

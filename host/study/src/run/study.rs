@@ -188,7 +188,7 @@ impl Study {
         if has_corners && !can_try_all_corners(off) {
             return Err(refused(format!(
                 "method.robust is \"corners\", which allows at most 8 uncertain values, but there are {off}: set vary \
-                 = \"together\" in [[uncertain]], or use \"latin_hypercube\""
+                 = \"together\" in [[uncertain]], or set robust = \"latin_hypercube\" in [method]"
             )));
         }
         let scenarios = UncertaintySamples::new(off, spec.method.robust, spec.method.seed);
@@ -371,7 +371,7 @@ impl Study {
             let own = own.map_err(|none| match none {
                 NoFigures::Stopped => NoFigures::Stopped,
                 NoFigures::Failed(reason) => {
-                    NoFigures::Failed(format!("with sample {} of the uncertain values: {reason}", number + 1))
+                    NoFigures::Failed(format!("{reason} (with sample {} of the uncertain values)", number + 1))
                 }
             })?;
             low.iter_mut().zip(&own.values).for_each(|(low, value)| *low = low.min(*value));

@@ -308,8 +308,8 @@ impl DesignSpace {
                 lines.report_mistake_in_line(
                     own.line,
                     format!(
-                        "{}: the program tried several values of this variable, but the scene is valid with none of \
-                         them: {reason}",
+                        "{}: the program tried several values of this variable, and the scene is valid with none of \
+                         them (reason for the first of these values: {reason})",
                         name_variable_in_message(number, own)
                     ),
                 );

@@ -6,7 +6,7 @@ use crate::spec::{PathStep, ScenePath, VariableKind};
 use toml_edit::{ArrayOfTables, Item};
 
 /// What a variable is set to in the scene's file; `None` where that is not one value of its kind.
-pub(super) fn variable_setting_in_scene_file_if_single(
+pub(super) fn variable_setting_in_scene_file_if_all_places_agree(
     space: &DesignSpace,
     variable_index: usize,
 ) -> Option<VariableSetting> {

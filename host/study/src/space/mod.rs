@@ -196,8 +196,9 @@ impl DesignSpace {
     /// different values for one variable, or none of a choice's.
     #[must_use]
     pub fn design_of_scene_file(&self) -> Design {
-        let kept =
-            |number| kept::variable_setting_in_scene_file_if_single(self, number).unwrap_or(VariableSetting::Kept);
+        let kept = |number| {
+            kept::variable_setting_in_scene_file_if_all_places_agree(self, number).unwrap_or(VariableSetting::Kept)
+        };
         Design { settings: (0..self.variables.len()).map(kept).collect() }
     }
 
@@ -207,8 +208,8 @@ impl DesignSpace {
         let mut design = design.clone();
         for (number, (setting, own)) in design.settings.iter_mut().zip(&self.variables).enumerate() {
             if *setting == VariableSetting::Kept && matches!(own.what, VariableKind::Choice { .. }) {
-                *setting =
-                    kept::variable_setting_in_scene_file_if_single(self, number).unwrap_or(VariableSetting::Kept);
+                *setting = kept::variable_setting_in_scene_file_if_all_places_agree(self, number)
+                    .unwrap_or(VariableSetting::Kept);
             }
         }
         design

@@ -204,7 +204,11 @@ fn what_leads_nowhere_or_is_never_taken_is_reported_with_its_line() {
     let error = space_of(study, STARTING_PLATE).unwrap_err();
     let expected = [
         (4, "the scene has no support[7]"),
-        (8, "the scene is valid with none of them: surface.thickness_mm is 200, but must be 0.001 to 100"),
+        (
+            8,
+            "the scene is valid with none of them (reason for the first of these values: surface.thickness_mm is 200, \
+             but must be 0.001 to 100",
+        ),
         (12, "must be the `place` of an earlier [[variable]]"),
         (16, "`to` is 3, but the scene has only 2 [[actuator]] tables"),
         (20, "unknown key `surface.tickness_mm`; did you mean thickness_mm?"),

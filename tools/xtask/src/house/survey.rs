@@ -51,7 +51,7 @@ impl Survey {
             texts.iter().map(|(file, text)| (format_path_relative_to_src_if_inside(file), text.lines().count()));
         let long = lengths.filter(|(_, lines)| *lines > LONG).collect();
         let mut graph = Graph::new();
-        for (from, to) in find_file_imports_outside_own_ancestry(&trees, is_test) {
+        for (from, to) in find_imports_between_files_unless_one_contains_other(&trees, is_test) {
             graph
                 .entry(format_path_relative_to_src_if_inside(from))
                 .or_insert_with(BTreeSet::new)
@@ -62,7 +62,7 @@ impl Survey {
 }
 
 /// Which file imports which, but for modules above or below each other.
-fn find_file_imports_outside_own_ancestry<'a>(
+fn find_imports_between_files_unless_one_contains_other<'a>(
     trees: &[ModuleTree<'a>],
     is_importer_left_out: impl Fn(&Path) -> bool,
 ) -> BTreeSet<(&'a Path, &'a Path)> {

@@ -4,7 +4,6 @@ use super::{ClickDesigner, SLOT_SAMPLES};
 use crate::click::program::{ForceProgram, MotionBounds, SampleBound, SlotForce, SolvedForces, TargetResponses};
 use crate::physics::limits::Limit;
 use era_shared::supply::{RAILS, rail_index_of_channel};
-use era_shared::waveform::MAX_WINDOWS;
 
 /// Part of the peak that is as good as all of it.
 pub(super) const WHOLE: f64 = 0.999;
@@ -105,7 +104,8 @@ impl ClickDesigner<'_> {
                 self.actuators.get(push.actuator).is_some_and(|own| push.part < own.least_part * scale)
             };
             // Where all force is needed there is none to move to other slots.
-            if *peak < WHOLE || pushes.len() <= MAX_WINDOWS && !pushes.iter().any(is_weak) {
+            if *peak < WHOLE || pushes.len() <= self.options.max_windows_of_each_click() && !pushes.iter().any(is_weak)
+            {
                 break;
             }
             let cost = |actuator: usize, slot: usize| {

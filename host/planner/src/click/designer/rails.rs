@@ -8,7 +8,6 @@ use crate::physics::limits::max_mean_supply_current_a;
 use era_shared::circuit::{BLEEDER_OHMS, ELECTRODE_PICOFARADS};
 use era_shared::limits::{MAX_RAIL_MILLIVOLTS, SEQUENCE_CURRENT_SPAN_MS};
 use era_shared::supply::{RAILS, rail_index_of_channel};
-use era_shared::waveform::MAX_WINDOWS;
 
 /// Room that windows keep for corrections, as a part of their force.
 const CORRECTION_HEADROOM: f64 = 0.06;
@@ -89,7 +88,7 @@ impl ClickDesigner<'_> {
     ) -> Lacks {
         let mut lacks = Lacks::default();
         loop {
-            let has_too_many = pushes.len() > MAX_WINDOWS;
+            let has_too_many = pushes.len() > self.options.max_windows_of_each_click();
             let is_current_short = self.highest_mean_current_a(pushes, rails) > max_mean_supply_current_a();
             if !has_too_many && !is_current_short {
                 return lacks;

@@ -75,7 +75,7 @@ fn driven_transducer(era: Transducer, step_s: f64, period_ticks: u32, volts: u32
     let mut supply =
         SupplyCommand { enabled: true, discharge: [false; RAILS], permitted: true, ..SupplyCommand::default() };
     supply.set_point_millivolts[0] = volts * 1000;
-    let mut rail = SimRail::new_discharging(0.0, 0.0);
+    let mut rail = SimRail::new_discharging_since(0.0, 0.0);
     rail.apply_supply_command(0.0, &supply, 0, false);
     panel.set_rail(0, rail);
     panel
