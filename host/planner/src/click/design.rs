@@ -2,7 +2,7 @@
 
 use super::actuator::ClickActuator;
 use super::bound::bound_crisp_click_peak_if_solved_m_per_s2;
-use super::designer::{BuiltClick, ClickDesigner, SLOT_SAMPLES};
+use super::designer::{BuiltClick, ClickDesigner};
 use super::felt::{
     FINE_RECORD, filter_50_us_means_to_felt_motion_at_16_khz, filter_50_us_means_to_motion_below_1_khz_at_16_khz,
 };
@@ -17,6 +17,7 @@ use crate::PlanTable;
 use crate::physics::limits::Limit;
 use crate::physics::rise::{PanelPoles, PointResidues};
 use crate::plan::limitation::{Limitation, add_limitation_if_new};
+use crate::scene::ChargingTimes;
 use nalgebra::DVector;
 use num_complex::Complex64;
 
@@ -83,12 +84,11 @@ pub fn design_click_windows(
         return None;
     }
     let residues: Vec<PointResidues> = shapes.iter().map(|shape| poles.residues_at_shape(shape)).collect();
-    let panels: Vec<Vec<SlotResponses>> = residues
-        .iter()
-        .map(|own| compute_slot_responses_of_nominal_and_four_detuned_panels(own, SLOT_SAMPLES))
-        .collect();
     let actuators: Vec<ClickActuator> =
         table.electrodes.iter().enumerate().map(|(i, own)| ClickActuator::new(table, i, own)).collect();
+    let charging: Vec<ChargingTimes> = actuators.iter().map(|own| own.charging).collect();
+    let panels: Vec<Vec<SlotResponses>> =
+        residues.iter().map(|own| compute_slot_responses_of_nominal_and_four_detuned_panels(own, &charging)).collect();
     let factors = wishes.iter().map(|wish| if has_several { asked / wish } else { 1.0 });
     let targets =
         panels.iter().zip(factors).map(|(panels, factor)| TargetResponses { panels, factor, besides: &[] }).collect();

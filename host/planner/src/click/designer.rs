@@ -22,8 +22,6 @@ use era_shared::supply::{RAILS, rail_index_of_channel};
 use era_shared::waveform::Electrode;
 use nalgebra::DVector;
 
-/// Samples of a slot.
-pub const SLOT_SAMPLES: usize = 4;
 /// From when on a click is to be quiet if it can be, in s.
 const SOON_QUIET_S: f64 = 0.030;
 /// Part of the peak asked for that a click has to reach to be taken as it is.

@@ -3,6 +3,7 @@
 use crate::scene::ChargingTimes;
 use era_shared::limits::GUARD_NANOSECONDS;
 use era_shared::waveform::LEAST_WIDTH_TICKS;
+use num_complex::Complex64;
 
 /// Length of a slot in s: a window, and the guard before the next.
 pub const SLOT_S: f64 = 1e-3;
@@ -29,6 +30,29 @@ pub fn integrate_squared_relative_voltage_of_window_s(times: ChargingTimes, widt
     risen + (1.0 - left).powi(2) * (hold_s + 0.5 * fall_s)
 }
 
+/// Fourier integral in s of the same, from the window's begin on, at an angular frequency above 0.
+#[must_use]
+pub fn fourier_integral_of_squared_relative_voltage_of_window_s(
+    times: ChargingTimes,
+    width_s: f64,
+    omega_rad_s: f64,
+) -> Complex64 {
+    let ChargingTimes { rise_s, hold_s, fall_s } = times;
+    let jw = Complex64::new(0.0, omega_rad_s);
+    // Of a voltage that falls with the rate `rate`, over so long.
+    let integrate = |rate: Complex64, length_s: f64| (1.0 - (-rate * length_s).exp()) / rate;
+    let (rise, reached) = if rise_s > 0.0 {
+        let rate = 1.0 / rise_s;
+        let rise = integrate(jw, width_s) - 2.0 * integrate(jw + rate, width_s) + integrate(jw + 2.0 * rate, width_s);
+        (rise, (1.0 - (-width_s * rate).exp()).powi(2))
+    } else {
+        (integrate(jw, width_s), 1.0)
+    };
+    let fall = if fall_s > 0.0 { 1.0 / (jw + 2.0 / fall_s) } else { Complex64::ZERO };
+    let end = (-jw * width_s).exp();
+    rise + reached * end * (integrate(jw, hold_s) + (-jw * hold_s).exp() * fall)
+}
+
 /// Width in s, up to [`WIDEST_S`], of the window whose integral is this part of that of the widest.
 #[must_use]
 pub fn find_window_width_for_force_fraction_s(times: ChargingTimes, part_of_widest: f64) -> f64 {
@@ -45,8 +69,7 @@ pub fn find_window_width_for_force_fraction_s(times: ChargingTimes, part_of_wide
     high
 }
 
-/// Begin in s of a window of this width in a slot from its beginning: what it does is in the middle of the slot, as the electrode is late by about as
-/// much as the guard is long.
+/// Begin in s of a window of this width in a slot from its beginning: its middle is where that of the widest window is, whose motion the programme knows.
 #[must_use]
 pub fn place_window_in_slot_s(width_s: f64) -> f64 {
     0.5 * (WIDEST_S - width_s)
@@ -74,6 +97,18 @@ mod tests {
                 }
                 let found_s = integrate_squared_relative_voltage_of_window_s(times, width_s);
                 assert!((found_s - sum_s).abs() < 1e-9, "{times:?} {width_s}: {found_s} {sum_s}");
+            }
+            for (width_s, hz) in [(300e-6, 50.0), (WIDEST_S, 480.0), (WIDEST_S, 1e-3)] {
+                let omega_rad_s = std::f64::consts::TAU * hz;
+                let (mut electrode, mut sum_s, step_s) = (ChargingElectrode::default(), Complex64::ZERO, 1e-6);
+                for step in 0..5000_u32 {
+                    let from_s = f64::from(step) * step_s;
+                    let on_s = (from_s < width_s).then(|| (0.0, step_s.min(width_s - from_s)));
+                    let mean = electrode.advance_step_and_get_mean_square_v2(times, 1.0, on_s, step_s);
+                    sum_s += mean * step_s * Complex64::cis(-omega_rad_s * (from_s + 0.5 * step_s));
+                }
+                let found_s = fourier_integral_of_squared_relative_voltage_of_window_s(times, width_s, omega_rad_s);
+                assert!((found_s - sum_s).norm() < 1e-8, "{times:?} {width_s} {hz} Hz: {found_s} {sum_s}");
             }
             for part in [0.05, 0.4, 1.0] {
                 let width_s = find_window_width_for_force_fraction_s(times, part);

@@ -1,7 +1,8 @@
 //! Forces of slots: the least ones for a peak, fewer of them, and corrected ones.
 
-use super::{ClickDesigner, SLOT_SAMPLES};
+use super::ClickDesigner;
 use crate::click::program::{ForceProgram, MotionBounds, SampleBound, SlotForce, SolvedForces, TargetResponses};
+use crate::click::slots::SLOT_SAMPLES;
 use crate::physics::limits::Limit;
 use era_shared::supply::{RAILS, rail_index_of_channel};
 
