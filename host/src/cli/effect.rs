@@ -4,6 +4,7 @@ use super::args_effect::EffectOptions;
 use super::effect_file::{
     design_effect_file_for_panel_print_and_export_if_asked, write_accelerations_as_png_csv_or_wav_by_extension,
 };
+use super::effect_finger::{ClickPanels, measure_clicks_across_finger_if_of_windows};
 use super::panel::{
     collect_plan_bounds, load_or_compute_plan_table, make_target_from_at_and_intensity_options,
     prepare_table_with_scene_finger_if_any_at_places, tell_missing_or_exceeded_plan_bounds,
@@ -11,17 +12,16 @@ use super::panel::{
 use super::{CommandResult, Failure, print_json, print_text_after_queued_log};
 use crate::effect_files::motion::RATE_HZ;
 use crate::effects::{
-    self, DesignError, EffectDesign, EffectRequest, EffectWindow, Intensity, NamedEffect, design_effect,
+    self, DesignError, EffectRequest, Intensity, NamedEffect, design_effect,
     design_effect_of_windows_if_common_click_exists_else_of_drives, intensity,
     plan_request_with_intensity_for_targets_without_one, sample_acceleration_of_design_unless_undamped_m_per_s2,
 };
 use crate::model::Bound;
-use crate::planner::click::measures::{ClickMeasures, measure_click};
-use crate::planner::click::{ClickOptions, ClickWindow, simulate_felt_acceleration_of_windows_m_per_s2};
+use crate::planner::click::ClickOptions;
+use crate::planner::click::measures::ClickMeasures;
 use crate::planner::rise::PanelPoles;
-use crate::planner::{Request, STANDARD_GRAVITY, Target};
-use crate::scene::Scene;
-use serde_json::json;
+use crate::planner::{Request, STANDARD_GRAVITY};
+use serde_json::{Value, json};
 use std::fmt::Write;
 use std::time::Instant;
 
@@ -72,9 +72,11 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
     };
     let design = design.map_err(Failure::runtime_error)?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
-    let without_finger = match scene.finger {
+    let finger = match scene.finger {
         Some(_) if effect == NamedEffect::Click => {
-            measure_click_on_panel_without_finger_if_of_windows(options, &scene, target, &design)?
+            let bare = load_or_compute_plan_table(&options.panel, options.keep, &scene)?;
+            let panels = ClickPanels { bare: &bare, with_finger: &table, rise_with_finger: &rise };
+            measure_clicks_across_finger_if_of_windows(&panels, &plan, request, &design)
         }
         Some(_) | None => None,
     };
@@ -109,12 +111,14 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
         // The same as the daemon says it.
         answer["times"] = json!(crate::planner::report::compute_rise_and_decay_times_at_first_target(&table, &plan));
         answer["plan_level_db"] = json!(level_db);
-        if let Some(own) = without_finger {
-            let quiet_ms = own.quiet_s.map(|quiet_s| 1e3 * quiet_s);
-            answer["without_finger"] = json!({
-                "peak_g": own.peak / STANDARD_GRAVITY, "peak_at_ms": 1e3 * own.peak_s, "quiet_ms": quiet_ms,
-                "crisp": click.does_motion_peak_and_become_quiet_in_time(&own)
-            });
+        if let Some(own) = &finger {
+            let view = |own: &ClickMeasures| {
+                let quiet_ms = own.quiet_s.map(|quiet_s| 1e3 * quiet_s);
+                let crisp = click.does_motion_peak_and_become_quiet_in_time(own);
+                json!({"peak_g": own.peak / STANDARD_GRAVITY, "peak_at_ms": 1e3 * own.peak_s, "quiet_ms": quiet_ms, "crisp": crisp})
+            };
+            answer["without_finger"] = view(&own.same_windows_without_finger);
+            answer["played_by_daemon"] = own.daemon_windows_with_finger.as_ref().map_or(Value::Null, view);
         }
         return print_json(&answer);
     }
@@ -185,16 +189,21 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
     if let Some(unbraked) = predicted.quiet_unbraked_ms {
         let _ = write!(text, " (without the braking part of the effect: {})", ms(Some(unbraked)));
     }
-    if let Some(own) = without_finger {
-        let crisp = if click.does_motion_peak_and_become_quiet_in_time(&own) { "crisp" } else { "not crisp" };
-        let quiet =
-            own.quiet_s.map_or_else(|| "for more than 850 ms".to_owned(), |s| format!("until {:.1} ms", 1e3 * s));
-        let peak_g = own.peak / STANDARD_GRAVITY;
-        let _ = write!(
-            text,
-            "\nthe same windows without the finger: peak {peak_g:.3} g {:.1} ms after the start, vibration {quiet} ({crisp})",
-            1e3 * own.peak_s
-        );
+    if let Some(own) = &finger {
+        let mut add_line = |windows: &str, own: &ClickMeasures| {
+            let crisp = if click.does_motion_peak_and_become_quiet_in_time(own) { "crisp" } else { "not crisp" };
+            let quiet =
+                own.quiet_s.map_or_else(|| "for more than 850 ms".to_owned(), |s| format!("until {:.1} ms", 1e3 * s));
+            let (peak_g, peak_ms) = (own.peak / STANDARD_GRAVITY, 1e3 * own.peak_s);
+            let _ = write!(
+                text,
+                "\n{windows}: peak {peak_g:.3} g {peak_ms:.1} ms after the start, vibration {quiet} ({crisp})"
+            );
+        };
+        add_line("the same windows without the finger", &own.same_windows_without_finger);
+        if let Some(own) = &own.daemon_windows_with_finger {
+            add_line("the windows that the daemon would play (designed without the finger), with the finger", own);
+        }
     }
     if predicted.crisp == Some(false) {
         let crisp_ms = request.crisp_ms.unwrap_or(1e3 * ClickOptions::default().crisp_s);
@@ -209,23 +218,4 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
         let _ = write!(text, "\nlimited by {limit}");
     }
     print_text_after_queued_log(&text)
-}
-
-/// What the windows of a click do at the target when no finger is there: the daemon drives a panel whose finger may lift at any time.
-fn measure_click_on_panel_without_finger_if_of_windows(
-    options: &EffectOptions,
-    scene: &Scene,
-    target: Target,
-    design: &EffectDesign,
-) -> Result<Option<ClickMeasures>, Failure> {
-    if design.windows.is_empty() {
-        return Ok(None);
-    }
-    let table = load_or_compute_plan_table(&options.panel, options.keep, scene)?;
-    let Some(poles) = table.panel_poles() else { return Ok(None) };
-    let windows: Vec<ClickWindow> =
-        design.windows.iter().map(EffectWindow::to_click_window_in_seconds_by_actuator_index).collect();
-    let shapes = [intensity::mode_shape_values_at_point_or_on_bar_axis(&table, target.x_m, target.y_m)];
-    let motion = simulate_felt_acceleration_of_windows_m_per_s2(&table, poles, &shapes, &windows);
-    Ok(motion.first().map(|motion| measure_click(motion)))
 }

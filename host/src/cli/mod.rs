@@ -18,6 +18,7 @@ mod cost;
 mod doctor;
 mod effect;
 mod effect_file;
+mod effect_finger;
 mod explain;
 mod field;
 mod field_click;

@@ -236,6 +236,11 @@ fn a_click_is_reported_with_and_without_the_finger() {
         assert!((with - without).abs() < by, "{key}: {with} with, {without} without");
     }
     assert_eq!(light["without_finger"]["crisp"], light["predicted"]["crisp"]);
+    // The daemon's click, designed without the finger, is nearly the same with a finger that weighs nothing.
+    for key in ["peak_g", "peak_at_ms"] {
+        let (own, daemon) = (number(&light["without_finger"][key]), number(&light["played_by_daemon"][key]));
+        assert!((own / daemon - 1.0).abs() < 0.02, "{key}: {own}, by the daemon {daemon}");
+    }
     let heavy = click("\n[finger]\nmass_g = 20.0\ndamping_n_s_per_m = 2.0\nstiffness_n_per_m = 800.0\n");
     let (with, without) = (number(&heavy["predicted"]["peak_g"]), number(&heavy["without_finger"]["peak_g"]));
     assert!((with - without).abs() > 0.05 * with, "{with} with, {without} without");
