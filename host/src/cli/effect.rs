@@ -4,7 +4,7 @@ use super::args_effect::EffectOptions;
 use super::effect_file::{
     design_effect_file_for_panel_print_and_export_if_asked, write_accelerations_as_png_csv_or_wav_by_extension,
 };
-use super::effect_finger::{ClickPanels, measure_clicks_across_finger_if_of_windows};
+use super::effect_finger::{ClickPanels, measure_clicks_across_finger_unless_undamped};
 use super::panel::{
     collect_plan_bounds, load_or_compute_plan_table, make_target_from_at_and_intensity_options,
     prepare_table_with_scene_finger_if_any_at_places, tell_missing_or_exceeded_plan_bounds,
@@ -76,7 +76,14 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
         Some(_) if effect == NamedEffect::Click => {
             let bare = load_or_compute_plan_table(&options.panel, options.keep, &scene)?;
             let panels = ClickPanels { bare: &bare, with_finger: &table, rise_with_finger: &rise };
-            measure_clicks_across_finger_if_of_windows(&panels, &plan, request, &design)
+            let request_of_touch = Request::for_touch(&[target]);
+            let bare_plan = plan_request_with_intensity_for_targets_without_one(
+                &bare,
+                || bare.panel_poles(),
+                &request_of_touch,
+                wanted,
+            )?;
+            measure_clicks_across_finger_unless_undamped(&panels, &bare_plan, request, &design)
         }
         Some(_) | None => None,
     };
@@ -117,7 +124,7 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
                 let crisp = click.does_motion_peak_and_become_quiet_in_time(own);
                 json!({"peak_g": own.peak / STANDARD_GRAVITY, "peak_at_ms": 1e3 * own.peak_s, "quiet_ms": quiet_ms, "crisp": crisp})
             };
-            answer["without_finger"] = view(&own.same_windows_without_finger);
+            answer["without_finger"] = own.same_windows_without_finger.as_ref().map_or(Value::Null, view);
             answer["played_by_daemon"] = own.daemon_windows_with_finger.as_ref().map_or(Value::Null, view);
         }
         return print_json(&answer);
@@ -200,7 +207,9 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
                 "\n{windows}: peak {peak_g:.3} g {peak_ms:.1} ms after the start, vibration {quiet} ({crisp})"
             );
         };
-        add_line("the same windows without the finger", &own.same_windows_without_finger);
+        if let Some(own) = &own.same_windows_without_finger {
+            add_line("the same windows without the finger", own);
+        }
         if let Some(own) = &own.daemon_windows_with_finger {
             add_line("the windows that the daemon would play (designed without the finger), with the finger", own);
         }
@@ -210,7 +219,8 @@ pub fn design_and_print_effect(options: &EffectOptions) -> CommandResult {
         let _ = write!(
             text,
             "\nnot crisp: the peak should come within 15 ms, and the motion should fall below a tenth of the peak \
-             within {crisp_ms} ms"
+             within {crisp_ms} ms{}",
+            if effect == NamedEffect::DoubleClick { ", both counted from the start of each click" } else { "" }
         );
     }
     let _ = write!(text, "\ndesigned in {elapsed_ms:.1} ms");

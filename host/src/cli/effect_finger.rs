@@ -18,36 +18,38 @@ pub struct ClickPanels<'a> {
     pub rise_with_finger: &'a PanelPoles,
 }
 
-/// What clicks do at the first target on the panel that they are not designed for; times from the burst's start.
+/// What clicks do at the first target on the panel that they are not designed for, times from the burst's start; `None` of a click without windows.
 #[derive(Clone, Debug)]
 pub struct ClicksAcrossFinger {
     /// The click that is designed for the panel with the finger.
-    pub same_windows_without_finger: ClickMeasures,
-    /// The click that the daemon would play, if it is one of windows.
+    pub same_windows_without_finger: Option<ClickMeasures>,
+    /// The click that the daemon would play.
     pub daemon_windows_with_finger: Option<ClickMeasures>,
 }
 
-/// Measures the click `design` of the panel with the finger on the panel without it, and the other way round; `None` of a click that has no windows,
-/// or where an undamped mode is at its resonance.
-pub fn measure_clicks_across_finger_if_of_windows(
+/// Measures the click `design` of the panel with the finger on the panel without it, and the other way round; `bare_plan` is that of the panel without
+/// it. `None` where an undamped mode is at its resonance.
+pub fn measure_clicks_across_finger_unless_undamped(
     panels: &ClickPanels,
-    plan: &Plan,
+    bare_plan: &Plan,
     request: EffectRequest,
     design: &EffectDesign,
 ) -> Option<ClicksAcrossFinger> {
     let bare_poles = panels.bare.panel_poles()?;
-    let same_windows_without_finger = measure_windows_at_first_target(panels.bare, bare_poles, plan, design)?;
     let of_daemon = design_effect_of_windows_if_common_click_exists_else_of_drives(
         panels.bare,
         bare_poles,
-        plan,
+        bare_plan,
         request,
         request.click_options(),
     );
     let daemon_windows_with_finger = of_daemon.ok().and_then(|of_daemon| {
-        measure_windows_at_first_target(panels.with_finger, panels.rise_with_finger, plan, &of_daemon)
+        measure_windows_at_first_target(panels.with_finger, panels.rise_with_finger, bare_plan, &of_daemon)
     });
-    Some(ClicksAcrossFinger { same_windows_without_finger, daemon_windows_with_finger })
+    Some(ClicksAcrossFinger {
+        same_windows_without_finger: measure_windows_at_first_target(panels.bare, bare_poles, bare_plan, design),
+        daemon_windows_with_finger,
+    })
 }
 
 fn measure_windows_at_first_target(

@@ -244,4 +244,7 @@ fn a_click_is_reported_with_and_without_the_finger() {
     let heavy = click("\n[finger]\nmass_g = 20.0\ndamping_n_s_per_m = 2.0\nstiffness_n_per_m = 800.0\n");
     let (with, without) = (number(&heavy["predicted"]["peak_g"]), number(&heavy["without_finger"]["peak_g"]));
     assert!((with - without).abs() > 0.05 * with, "{with} with, {without} without");
+    // The daemon's click is designed without the finger: with the finger it is neither what it is without, nor the click that is designed for it.
+    let (bare, daemon) = (number(&click("")["predicted"]["peak_g"]), number(&heavy["played_by_daemon"]["peak_g"]));
+    assert!((daemon - bare).abs() > 0.02 * bare && (daemon - with).abs() > 0.02 * with, "{daemon}, {bare}, {with}");
 }

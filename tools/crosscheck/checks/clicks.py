@@ -96,7 +96,7 @@ def run(context):
         # Some ask for more than anything can make: what comes is as strong as it can be.
         strength = 1000.0 if rng.random() < 0.2 else float(np.exp(rng.uniform(np.log(0.05), np.log(2))))
     # Every fourth click of random scenes is a double one: what the second adds begins while the panel still moves.
-    period_ms = None if context.is_given_scene or rng.random() < 0.75 else int(rng.integers(50, 150))
+    period_ms = None if context.is_given_scene or rng.random() < 0.75 else int(rng.integers(50, 400))
     which = ("click",) if period_ms is None else ("double_click", "--period-ms", period_ms)
     where = f"{' '.join(map(str, which))} at {point[0] * 1e3:.4g},{point[1] * 1e3:.4g} mm, {strength:.3g} g"
     at, exported = f"{point[0] * 1e3!r},{point[1] * 1e3!r}", context.folder / "click.csv"
@@ -111,8 +111,6 @@ def run(context):
         for w in answer["windows"]
     ]
     panel = context.panel(MAX_HZ)
-    if answer["drives"] and period_ms is not None:
-        return [not_comparable(quantity, name, f"pushes, {where}") for quantity in QUANTITIES]
     if not windows:
         none = [not_comparable(quantity, name, "nothing moves the place") for quantity in QUANTITIES[:-1]]
         return [*none, _best(context, panel, point, windows, predicted, where)]
@@ -201,7 +199,7 @@ def _motion(context, system, windows, predicted, planned, period_ms, where):
     travel = np.abs(record.gap_change / system.gap).max()
     acceleration = whole_acceleration(system, record)
     own = felt(acceleration[:, 0], STEP_S)
-    count = int(COMPARED_S * EXPORTED_HZ)
+    count = int((COMPARED_S + 1e-3 * (period_ms or 0)) * EXPORTED_HZ)
     # A planted mistake: 1 ms late.
     planned = np.roll(planned, 8) if context.planted("click: acceleration") else planned
     difference = own[:: round(1 / (EXPORTED_HZ * STEP_S))][:count] - planned[:count]
@@ -209,9 +207,9 @@ def _motion(context, system, windows, predicted, planned, period_ms, where):
     own = np.abs(own)
     # What comes before the beginning, as the band has no phase, is at the end.
     own = own[: int(0.9 * len(own))]
-    peak, time = own.max(), STEP_S * np.arange(len(own))
-    # Of two clicks, where the second begins in the felt record, and the peak of the weaker one.
+    # Of two clicks, where the second begins in the felt record; the peak is that of the first, and one of the two is the weaker one.
     second = len(own) if period_ms is None else round(1e-3 * period_ms / STEP_S)
+    peak, time = own[:second].max(), STEP_S * np.arange(len(own))
     weaker = min(half.max() for half in (own[:second], own[second:]) if len(half))
     printed_ms = predicted["peak_at_ms"] * (1.4 if context.planted("click: time of the peak") else 1.0)
     there = own[np.abs(time - printed_ms * 1e-3) <= 1.5e-4].max(initial=0.0)

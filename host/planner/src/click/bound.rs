@@ -27,7 +27,7 @@ pub fn bound_crisp_click_peak_if_solved_m_per_s2(
     forces_n: &[f64],
     crisp_s: f64,
 ) -> Option<f64> {
-    let panels = [compute_slot_responses_to_constant_forces(residues, PIECE_SAMPLES)];
+    let panels = [compute_slot_responses_to_constant_forces(residues, forces_n.len(), PIECE_SAMPLES)];
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred samples")]
     let quiet_sample = (crisp_s / SAMPLE_S).round() as usize;
     let free = |(actuator, force_n): (usize, &f64)| {

@@ -6,18 +6,22 @@ use super::designer::{BuiltClick, ClickDesigner};
 use super::felt::{
     FINE_RECORD, filter_50_us_means_to_felt_motion_at_16_khz, filter_50_us_means_to_motion_below_1_khz_at_16_khz,
 };
-use super::measures::{COUNTED, ClickMeasures, measure_click, measure_click_from_time};
+use super::measures::{
+    COUNTED, ClickMeasures, QUIET, find_quiet_start_of_record_s, measure_click, measure_click_from_time,
+};
 use super::motion::simulate_windows;
 use super::options::ClickOptions;
 use super::program::TargetResponses;
-use super::slots::{SlotResponses, compute_slot_responses_of_nominal_and_four_detuned_panels};
+use super::slots::{
+    SlotResponses, compute_slot_responses_of_nominal_and_four_detuned_panels,
+    list_spectral_lines_of_force_of_widest_window_s,
+};
 use super::sound::{SurfaceFigures, compute_click_sound_and_contrast_db_if_anything_moves};
 use super::window::{ClickWindow, LEAD_S};
 use crate::PlanTable;
 use crate::physics::limits::Limit;
 use crate::physics::rise::{PanelPoles, PointResidues};
 use crate::plan::limitation::{Limitation, add_limitation_if_new};
-use crate::scene::ChargingTimes;
 use nalgebra::DVector;
 use num_complex::Complex64;
 
@@ -31,10 +35,10 @@ const REACHED: f64 = 0.95;
 pub struct ClickDesign {
     /// By their begin; empty if no actuator moves the place.
     pub windows: Vec<ClickWindow>,
-    /// At the first place in m/s^2, times from the burst's start. Of two clicks: the larger peak, the time from which on both are quiet, and the pulse
-    /// of the second one.
+    /// At the first place in m/s^2, times from the burst's start. Of two clicks: the peak of the first, the time from which on both are quiet, and
+    /// the pulse of the second.
     pub measures: ClickMeasures,
-    /// Peak at every place in m/s^2.
+    /// Peak at every place in m/s^2; of two clicks, that of the first.
     pub peaks: Vec<f64>,
     /// At the first place, the peak in m/s^2 of the weaker one of two clicks; of a single click its peak.
     pub weakest_peak: f64,
@@ -86,9 +90,10 @@ pub fn design_click_windows(
     let residues: Vec<PointResidues> = shapes.iter().map(|shape| poles.residues_at_shape(shape)).collect();
     let actuators: Vec<ClickActuator> =
         table.electrodes.iter().enumerate().map(|(i, own)| ClickActuator::new(table, i, own)).collect();
-    let charging: Vec<ChargingTimes> = actuators.iter().map(|own| own.charging).collect();
+    let spectra: Vec<Vec<Complex64>> =
+        actuators.iter().map(|own| list_spectral_lines_of_force_of_widest_window_s(own.charging)).collect();
     let panels: Vec<Vec<SlotResponses>> =
-        residues.iter().map(|own| compute_slot_responses_of_nominal_and_four_detuned_panels(own, &charging)).collect();
+        residues.iter().map(|own| compute_slot_responses_of_nominal_and_four_detuned_panels(own, &spectra)).collect();
     let factors = wishes.iter().map(|wish| if has_several { asked / wish } else { 1.0 });
     let targets =
         panels.iter().zip(factors).map(|(panels, factor)| TargetResponses { panels, factor, besides: &[] }).collect();
@@ -102,34 +107,48 @@ pub fn design_click_windows(
     if has_several && built.windows.is_empty() {
         return None;
     }
+    let (built, second_limit) = match options.second_click_after_s {
+        Some(after_s) => designer.repeat_click_within_travel_and_get_limiting_actuator(&built, after_s),
+        None => (built, None),
+    };
+    let travel_limit = travel_limit.or(second_limit);
+    let built = if options.force_fraction < 1.0 {
+        designer.scale_window_voltages_of_built_click_to_force_fraction(&built, options.force_fraction)
+    } else {
+        built
+    };
     let felt = list_felt_motion_of_each_place(&built);
-    let all = measure_click_at_each_place(&felt);
-    let mut each_click = all.clone();
-    let (built, felt, all, travel_limit) = match options.second_click_after_s {
-        None => (built, felt, all, travel_limit),
+    // Of two clicks, the first one as if no second one followed.
+    let first = match options.second_click_after_s {
         Some(after_s) => {
-            let (both, second_limit) = designer.repeat_click_within_travel_and_get_limiting_actuator(&built, after_s);
-            let felt = list_felt_motion_of_each_place(&both);
-            let second: Vec<ClickMeasures> = felt.iter().map(|felt| measure_click_from_time(felt, after_s)).collect();
-            let whole = measure_click_at_each_place(&felt);
-            let with_second_pulse = |(whole, second): (&ClickMeasures, &ClickMeasures)| ClickMeasures {
-                pulse_s: second.pulse_s,
-                pulse_to_ring_db: second.pulse_to_ring_db,
-                ..*whole
-            };
-            let all = whole.iter().zip(&second).map(with_second_pulse).collect();
-            each_click.extend(second.into_iter().map(ClickMeasures::shift_times_to_count_from_burst_start));
-            (both, felt, all, travel_limit.or(second_limit))
+            let alone = designer.keep_windows_of_first_click(&built, after_s);
+            measure_click_at_each_place(&list_felt_motion_of_each_place(&alone))
         }
+        None => measure_click_at_each_place(&felt),
+    };
+    let second: Vec<ClickMeasures> = match options.second_click_after_s {
+        Some(after_s) => felt
+            .iter()
+            .map(|felt| measure_click_from_time(felt, after_s).shift_times_to_count_from_burst_start())
+            .collect(),
+        None => Vec::new(),
     };
     let means = built.motion.mean_acceleration.first().map_or(&[][..], Vec::as_slice);
     let shown_peak =
         filter_50_us_means_to_motion_below_1_khz_at_16_khz(means).iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let felt = felt.into_iter().next()?;
-    let measures = *all.first()?;
-    let is_short = each_click.iter().zip(wishes.iter().cycle()).any(|(own, wish)| own.peak < REACHED * wish);
-    let at_first_place = each_click.iter().step_by(wishes.len().max(1));
-    let weakest_peak = at_first_place.map(|own| own.peak).fold(f64::INFINITY, f64::min);
+    let mut measures = *first.first()?;
+    let mut weakest_peak = measures.peak;
+    if let Some(second) = second.first() {
+        weakest_peak = weakest_peak.min(second.peak);
+        measures = ClickMeasures {
+            quiet_s: find_quiet_start_of_record_s(&felt, QUIET * measures.peak).map(|quiet_s| quiet_s + LEAD_S),
+            pulse_s: second.pulse_s,
+            pulse_to_ring_db: second.pulse_to_ring_db,
+            ..measures
+        };
+    }
+    let is_short = first.iter().zip(wishes).any(|(own, wish)| own.peak < REACHED * options.force_fraction * wish);
     let end_s = built.windows.iter().map(|window| window.begin_s + window.width_s).fold(0.0, f64::max);
     let after =
         felt.iter().take(COUNTED).enumerate().filter(|(k, _)| index_to_time_s(*k) >= end_s).map(|(_, x)| x.abs());
@@ -169,7 +188,7 @@ pub fn design_click_windows(
     Some(ClickDesign {
         windows,
         measures,
-        peaks: all.iter().map(|own| own.peak).collect(),
+        peaks: first.iter().map(|own| own.peak).collect(),
         weakest_peak,
         felt_motion: felt,
         shown_peak,
@@ -179,7 +198,7 @@ pub fn design_click_windows(
         amplitudes: built.motion.amplitudes,
         best_possible,
         surface,
-        is_crisp: each_click.iter().all(|own| options.does_motion_peak_and_become_quiet_in_time(own)),
+        is_crisp: first.iter().chain(&second).all(|own| options.does_motion_peak_and_become_quiet_in_time(own)),
     })
 }
 
@@ -213,10 +232,6 @@ fn build_scaled_click_within_travel_and_limiting_actuator_if_solved(
     }
     if let Some((_, excess)) = designer.find_actuator_and_ratio_of_largest_travel_above_usable_travel(&built.motion) {
         built = designer.scale_window_voltages_of_built_click_to_force_fraction(&built, 0.9 / excess);
-    }
-    if designer.options.force_fraction < 1.0 {
-        built =
-            designer.scale_window_voltages_of_built_click_to_force_fraction(&built, designer.options.force_fraction);
     }
     Some((built, travel_limit))
 }

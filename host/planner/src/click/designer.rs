@@ -317,7 +317,7 @@ impl ClickDesigner<'_> {
             let width_s = round_to_tick_s(
                 find_window_width_for_force_fraction_s(own.charging, push.part).max(narrowest_window_s()),
             );
-            let begin_s = round_to_tick_s(slot_begin_s(push.slot) + place_window_in_slot_s(width_s));
+            let begin_s = round_to_tick_s(slot_begin_s(push.slot) + place_window_in_slot_s(own.charging, width_s));
             Some(ClickWindow {
                 actuator: push.actuator,
                 electrode: if push.is_positive { Electrode::A } else { Electrode::B },
@@ -362,6 +362,12 @@ impl ClickDesigner<'_> {
             }
             None => (both, None),
         }
+    }
+
+    /// The first one of two clicks, whose windows begin before `after_s`.
+    pub fn keep_windows_of_first_click(&self, both: &BuiltClick, after_s: f64) -> BuiltClick {
+        let windows = both.windows.iter().copied().filter(|window| window.begin_s < after_s).collect();
+        self.build_click_of_windows_and_simulate_motion(windows, (both.saturated.clone(), both.lacks))
     }
 
     /// The actuator whose mass goes furthest beyond its limit, and by which factor, if any does.

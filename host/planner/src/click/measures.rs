@@ -61,6 +61,19 @@ pub fn measure_click_from_time(motion: &[f64], from_s: f64) -> ClickMeasures {
     measure_motion(motion.get(from..COUNTED).unwrap_or(&[]), 1.0 / FINE_RECORD as f64)
 }
 
+/// When a felt motion of [`FINE_RECORD`] samples in 1 s stays below `level` from then on, in s; `None` if it does not within 0.85 s.
+#[must_use]
+#[expect(clippy::cast_precision_loss, reason = "a constant")]
+pub fn find_quiet_start_of_record_s(motion: &[f64], level: f64) -> Option<f64> {
+    find_quiet_start_s(motion.get(..COUNTED).unwrap_or(motion), 1.0 / FINE_RECORD as f64, level)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "sample numbers")]
+fn find_quiet_start_s(motion: &[f64], step_s: f64, level: f64) -> Option<f64> {
+    let start_s = motion.iter().rposition(|x| x.abs() > level).map_or(0.0, |last| (last + 1) as f64 * step_s);
+    (start_s + QUIET_FOR_S <= motion.len() as f64 * step_s).then_some(start_s)
+}
+
 /// Measures a motion with a sample every `step_s`.
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "sample numbers")]
@@ -76,13 +89,13 @@ pub fn measure_motion(motion: &[f64], step_s: f64) -> ClickMeasures {
         (part.iter().map(|x| x * x).sum::<f64>() / part.len().max(1) as f64).sqrt()
     };
     let ring = rms(end, ring_end);
-    let is_quiet = second(end) + QUIET_FOR_S <= second(motion.len());
+    let quiet_s = find_quiet_start_s(motion, step_s, QUIET * peak);
     ClickMeasures {
         peak,
         peak_s: second(at),
-        quiet_s: is_quiet.then(|| second(end)),
+        quiet_s,
         pulse_s: second(end.saturating_sub(begin)),
-        pulse_to_ring_db: (is_quiet && ring > 0.0).then(|| 20.0 * (rms(begin, end) / ring).log10()),
+        pulse_to_ring_db: (quiet_s.is_some() && ring > 0.0).then(|| 20.0 * (rms(begin, end) / ring).log10()),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Crisp clicks: bursts of single windows on all electrodes from one clock edge, chosen by a linear programme.
 //!
 //! A click is crisp if it comes at once and leaves nothing: its peak within 15 ms, and below a tenth of it from 30 or 45 ms on. What a
-//! place does under forces that are constant over slots of 1 ms is linear in them (`slots`); the forces of least effort that make the
+//! place does under the forces of windows in slots of 1 ms is linear in these forces (`slots`); the forces of least effort that make the
 //! peak, and leave no more than allowed on the panel and on panels whose stiffness is off, are a linear programme (`program`). Its
 //! solutions are sparse: most slots have no force, and most others nearly the full one. Each force becomes one window of an electrode
 //! (`realise`) at the voltage of its rail (`rails`), whose motion is then computed with the electrodes' charging and the moving gaps (`motion`); what that differs by is

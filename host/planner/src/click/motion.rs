@@ -63,7 +63,9 @@ pub fn simulate_windows(
     let samples = ((end_s / SAMPLE_S).ceil() as usize).min(RECORD);
     // A bias is in the model's springs: what it takes off them is given back for as long as the motion matters.
     let is_biased = transducers.iter().any(|transducer| transducer.counted_n_per_m > 0.0);
-    let samples = if is_biased { samples.max(LOOKED_AT) } else { samples };
+    let driven_samples = samples;
+    let samples = if is_biased { (driven_samples + LOOKED_AT).min(RECORD) } else { driven_samples };
+    let mut left: Vec<f64> = Vec::new();
     for step in 0..samples * STEPS_OF_SAMPLE {
         let from_s = step as f64 * STEP_S;
         for (actuator, (force, transducer)) in forces.iter_mut().zip(&transducers).enumerate() {
@@ -110,6 +112,9 @@ pub fn simulate_windows(
             let amplitudes = stepper.list_vibrating_poles_with_their_amplitudes();
             largest.resize(amplitudes.len(), 0.0);
             largest.iter_mut().zip(&amplitudes).for_each(|(most, (_, now))| *most = most.max(*now));
+            if step + 1 == driven_samples * STEPS_OF_SAMPLE {
+                left = amplitudes.iter().map(|(_, now)| *now).collect();
+            }
         }
     }
     travel_m.iter_mut().zip(stepper.bound_free_motion_of_each_row()).for_each(|(most, free)| *most = most.max(free));
@@ -129,8 +134,8 @@ pub fn simulate_windows(
     let amplitudes = stepper
         .list_vibrating_poles_with_their_amplitudes()
         .into_iter()
-        .zip(largest)
-        .map(|((pole, left), most)| (pole, most, left))
+        .zip(largest.into_iter().zip(left))
+        .map(|((pole, _), (most, left))| (pole, most, left))
         .collect();
     WindowMotion { mean_acceleration, forces_n, travel_m, amplitudes }
 }

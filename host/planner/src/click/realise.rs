@@ -69,10 +69,16 @@ pub fn find_window_width_for_force_fraction_s(times: ChargingTimes, part_of_wide
     high
 }
 
-/// Begin in s of a window of this width in a slot from its beginning: its middle is where that of the widest window is, whose motion the programme knows.
+/// Begin in s of a window of this width in a slot from its beginning: the mean time of its force is that of the widest window, whose motion the
+/// programme knows.
 #[must_use]
-pub fn place_window_in_slot_s(width_s: f64) -> f64 {
-    0.5 * (WIDEST_S - width_s)
+pub fn place_window_in_slot_s(times: ChargingTimes, width_s: f64) -> f64 {
+    // At a frequency that is far below what is felt, the phase is that of the mean time.
+    const OMEGA_RAD_S: f64 = 1.0;
+    let mean_time_s = |width_s: f64| {
+        -fourier_integral_of_squared_relative_voltage_of_window_s(times, width_s, OMEGA_RAD_S).arg() / OMEGA_RAD_S
+    };
+    (mean_time_s(WIDEST_S) - mean_time_s(width_s)).clamp(0.0, WIDEST_S - width_s)
 }
 
 #[cfg(test)]
@@ -109,6 +115,28 @@ mod tests {
                 }
                 let found_s = fourier_integral_of_squared_relative_voltage_of_window_s(times, width_s, omega_rad_s);
                 assert!((found_s - sum_s).norm() < 1e-8, "{times:?} {width_s} {hz} Hz: {found_s} {sum_s}");
+            }
+            for width_s in [300e-6, 500e-6, WIDEST_S] {
+                // The mean time of the force, stepped in time.
+                let mean_time_s = |begin_s: f64, width_s: f64| {
+                    let (mut electrode, step_s) = (ChargingElectrode::default(), 1e-6);
+                    let (mut sum, mut moment_s) = (0.0, 0.0);
+                    for step in 0..5000_u32 {
+                        let from_s = f64::from(step) * step_s;
+                        let is_on = (begin_s..begin_s + width_s).contains(&(from_s + 0.5 * step_s));
+                        let mean = electrode.advance_step_and_get_mean_square_v2(
+                            times,
+                            1.0,
+                            is_on.then_some((0.0, step_s)),
+                            step_s,
+                        );
+                        (sum, moment_s) = (sum + mean, moment_s + mean * (from_s + 0.5 * step_s));
+                    }
+                    moment_s / sum
+                };
+                let begin_s = place_window_in_slot_s(times, width_s);
+                let off_s = mean_time_s(begin_s, width_s) - mean_time_s(0.0, WIDEST_S);
+                assert!(off_s.abs() < 3e-6, "{times:?} {width_s}: {off_s}");
             }
             for part in [0.05, 0.4, 1.0] {
                 let width_s = find_window_width_for_force_fraction_s(times, part);

@@ -28,24 +28,22 @@ pub struct SlotResponses {
 
 impl SlotResponses {
     /// Of slots with so many samples; `pole_factor` as in [`PointResidues::accelerations_per_n_by_point_and_actuator_from_1_hz_poles_scaled`].
-    /// `fourier_integral_s` is that of an actuator's force over time, at an angular frequency.
+    /// `force_lines_s` has the Fourier integrals of each actuator's force over time at 1, 2, ... Hz.
     fn new(
         residues: &PointResidues,
         slot_samples: usize,
         pole_factor: impl Fn(f64) -> f64,
-        fourier_integral_s: impl Fn(usize, f64) -> Complex64,
+        force_lines_s: &[Vec<Complex64>],
     ) -> Self {
         let last_hz = u32::try_from(LAST_LINE).unwrap_or(u32::MAX);
-        let record = |(actuator, accelerations): (usize, Vec<Complex64>)| {
-            let lines = accelerations.into_iter().zip(1_u32..);
-            let spectrum =
-                lines.map(|(acceleration, hz)| acceleration * fourier_integral_s(actuator, TAU * f64::from(hz)));
+        let record = |(accelerations, lines_s): (Vec<Complex64>, &Vec<Complex64>)| {
+            let spectrum = accelerations.into_iter().zip(lines_s).map(|(acceleration, line_s)| acceleration * line_s);
             weigh_spectrum_and_transform_to_felt_record(spectrum).repeat(2)
         };
         let records = residues
             .accelerations_per_n_by_point_and_actuator_from_1_hz_poles_scaled(last_hz, pole_factor)
             .into_iter()
-            .enumerate()
+            .zip(force_lines_s)
             .map(record)
             .collect();
         Self { slot_samples, records }
@@ -61,37 +59,49 @@ impl SlotResponses {
 
 /// The panel of the scene alone, with forces that are constant over slots of so many samples.
 #[must_use]
-pub fn compute_slot_responses_to_constant_forces(residues: &PointResidues, slot_samples: usize) -> SlotResponses {
+pub fn compute_slot_responses_to_constant_forces(
+    residues: &PointResidues,
+    actuators: usize,
+    slot_samples: usize,
+) -> SlotResponses {
     #[expect(clippy::cast_precision_loss, reason = "some samples")]
     let slot_s = slot_samples as f64 * SAMPLE_S;
-    let of_slot = |_: usize, omega_rad_s: f64| {
-        let jw = Complex64::new(0.0, omega_rad_s);
-        (1.0 - (-jw * slot_s).exp()) / jw
-    };
-    SlotResponses::new(residues, slot_samples, |_| 1.0, of_slot)
+    let line_s = |jw: Complex64| (1.0 - (-jw * slot_s).exp()) / jw;
+    let lines_s: Vec<Complex64> = list_felt_lines_rad_s().map(|omega| line_s(Complex64::new(0.0, omega))).collect();
+    SlotResponses::new(residues, slot_samples, |_| 1.0, &vec![lines_s; actuators])
+}
+
+/// The angular frequencies of the lines that are felt: of 1, 2, ... Hz.
+fn list_felt_lines_rad_s() -> impl Iterator<Item = f64> {
+    let last_hz = u32::try_from(LAST_LINE).unwrap_or(u32::MAX);
+    (1..=last_hz).map(|hz| TAU * f64::from(hz))
+}
+
+/// Fourier integrals in s, at 1, 2, ... Hz, of the force of the widest window in a slot, whose mean over the slot is 1 N.
+#[must_use]
+pub fn list_spectral_lines_of_force_of_widest_window_s(times: ChargingTimes) -> Vec<Complex64> {
+    let mean = integrate_squared_relative_voltage_of_window_s(times, WIDEST_S) / SLOT_S;
+    let line_s = |omega| fourier_integral_of_squared_relative_voltage_of_window_s(times, WIDEST_S, omega) / mean;
+    list_felt_lines_rad_s().map(line_s).collect()
 }
 
 /// The panel of the scene, and four panels off it: all frequencies higher or lower, and those of the panel on its springs one way with
-/// those of its bending the other way. The forces are those of the widest windows of electrodes that charge in these times.
+/// those of its bending the other way. The spectral lines of each actuator's force are given
+/// ([`list_spectral_lines_of_force_of_widest_window_s`]).
 #[must_use]
 pub fn compute_slot_responses_of_nominal_and_four_detuned_panels(
     residues: &PointResidues,
-    charging: &[ChargingTimes],
+    window_lines_s: &[Vec<Complex64>],
 ) -> Vec<SlotResponses> {
     let slowest: Vec<f64> = residues.vibrating_pole_frequencies_hz().take(ON_SPRINGS).collect();
     let step = |pair: &[f64]| pair.first().zip(pair.last()).map_or(0.0, |(low, high)| high / low);
     let widest = slowest.windows(2).max_by(|a, b| step(a).total_cmp(&step(b)));
     let split_hz = widest.and_then(|pair| pair.first().zip(pair.last())).map_or(0.0, |(low, high)| (low * high).sqrt());
-    let of_window = |actuator: usize, omega_rad_s: f64| {
-        let times = charging.get(actuator).copied().unwrap_or_default();
-        let mean = integrate_squared_relative_voltage_of_window_s(times, WIDEST_S) / SLOT_S;
-        fourier_integral_of_squared_relative_voltage_of_window_s(times, WIDEST_S, omega_rad_s) / mean
-    };
     [(0.0, 0.0), (OFF, OFF), (-OFF, -OFF), (OFF, -OFF), (-OFF, OFF)]
         .into_iter()
         .map(|(springs, bending)| {
             let pole_factor = |hz: f64| 1.0 + if hz < split_hz { springs } else { bending };
-            SlotResponses::new(residues, SLOT_SAMPLES, pole_factor, of_window)
+            SlotResponses::new(residues, SLOT_SAMPLES, pole_factor, window_lines_s)
         })
         .collect()
 }

@@ -63,9 +63,9 @@ pub struct DesignedDrive {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct EffectPrediction {
     /// Peak acceleration in g, harmonics of the force up to 1 kHz included: mean over how the drives' cycles may fall. Of a click of single
-    /// windows: in the felt band, which is full to 300 Hz and ends at 500 Hz, as are its times and what is left.
+    /// windows: in the felt band, which is full to 300 Hz and ends at 500 Hz, as are its times and what is left. Of two such clicks: of the first.
     pub peak_g: f64,
-    /// Least over that. Of two clicks of single windows: the peak of the weaker one.
+    /// Least over that. Of two clicks of single windows: the peak of the weaker one, the second of which meets what is left of the first.
     pub peak_least_g: f64,
     /// Most over that. Of a click of single windows: the peak of all motion below 1 kHz, felt or not, which an accelerometer shows.
     pub peak_most_g: f64,

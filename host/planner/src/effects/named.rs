@@ -26,7 +26,7 @@ pub const PERIODS_MS: (f64, f64) = (10.0, 1000.0);
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "clap", value(rename_all = "snake_case"))]
 pub enum NamedEffect {
-    /// A short push that is braked at once, designed from the response of the panel
+    /// A short burst of single windows (or, where the board cannot play windows, a push with a brake), designed for the panel and the touched place
     Click,
     /// Two clicks, `period_ms` apart
     DoubleClick,

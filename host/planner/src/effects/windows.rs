@@ -16,10 +16,6 @@ use nalgebra::DVector;
 /// Most fingers of a click of single windows: for more, two to four actuators have no common click.
 const MOST_FINGERS: usize = 3;
 
-/// Fraction of the wish that each click of a double click has at least: a weaker double click is made of pushes if these are stronger. All windows of
-/// both clicks have to fit a board at once, so that each click has half of them.
-const STRONG_ENOUGH: f64 = 0.8;
-
 /// Designs an effect for a board that plays single windows: a click or a double click for up to three fingers without quiet zones is a burst
 /// of them, if the fingers have a common one, and everything else is as [`design_effect`] has it.
 ///
@@ -32,8 +28,7 @@ pub fn design_effect_of_windows_if_common_click_exists_else_of_drives(
     request: EffectRequest,
     options: ClickOptions,
 ) -> Result<EffectDesign, DesignError> {
-    let second_click_after_s = request.click_options().second_click_after_s;
-    let options = ClickOptions { second_click_after_s, ..options };
+    let options = ClickOptions { second_click_after_s: request.click_options().second_click_after_s, ..options };
     let design_of_drives = || {
         let mut weaker = plan.clone();
         weaker.targets.iter_mut().for_each(|target| target.wanted_g *= options.force_fraction);
@@ -50,13 +45,6 @@ pub fn design_effect_of_windows_if_common_click_exists_else_of_drives(
     let Some(click) = design_click_windows(table, rise, &shapes, &wishes, options) else {
         return design_of_drives();
     };
-    let is_weak = wishes.first().is_some_and(|wish| click.weakest_peak < STRONG_ENOUGH * options.force_fraction * wish);
-    if second_click_after_s.is_some() && is_weak {
-        let pushes = design_of_drives()?;
-        if pushes.predicted.peak_least_g * STANDARD_GRAVITY > click.weakest_peak {
-            return Ok(pushes);
-        }
-    }
     let mut peaks = click.peaks.clone().into_iter();
     let find_peak = |own: &TargetResult| {
         if clicking.iter().any(|clicking| std::ptr::eq(*clicking, own)) {

@@ -80,7 +80,10 @@ impl fmt::Display for Limitation {
             Self::QuietZone => f.write_str("quiet zone"),
             Self::TooShort => f.write_str("the panel, which does not reach its steady motion within the effect"),
             Self::StillMoving => f.write_str("motion that remains from earlier touches"),
-            Self::Windows => write!(f, "the number of windows: a board plays at most {MAX_WINDOWS}"),
+            Self::Windows => write!(
+                f,
+                "the number of windows: a board plays at most {MAX_WINDOWS} (for a double click, half of them per click)"
+            ),
         }
     }
 }

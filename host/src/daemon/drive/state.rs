@@ -114,7 +114,7 @@ impl DriveState {
         self.is_silent = steady_drives.is_some_and(|drives| drives.iter().all(|drive| drive.voltage_v == 0.0));
         if !self.is_silent {
             let lowest_hz = motion.lines.iter().map(|line| line.drive_hz).fold(f64::INFINITY, f64::min);
-            self.burst = Some(Burst::continue_unless_rested_else_begin(self.burst, Instant::now(), until, lowest_hz));
+            self.burst = Some(Burst::continue_unless_rested_else_begin(self.burst, now, until, lowest_hz));
         } else if let Some(burst) = &mut self.burst {
             burst.end_no_later_than(now);
         }
