@@ -47,7 +47,7 @@ pub struct TouchRequest {
     /// Time from one click, pulse or crest to the next in ms: `double_click` 50 to 500 (default 120), `pulse_train` 10 to 1000 (default 60),
     /// `texture` 25 to 125 (default 50).
     pub period_ms: Option<f64>,
-    /// Longest time in ms until the vibration of a `click` is below a tenth of its peak; 45 if absent. A `double_click` does not use this time.
+    /// Longest time in ms until the vibration of a `click` is below a tenth of its peak; 45 if absent. A `double_click` does not have this key: its clicks use 45 ms.
     pub crisp_ms: Option<f64>,
     /// Which property a `click` keeps if it cannot have both: the wanted peak (`strength`, the default), or the time `crisp_ms` (`crispness`).
     pub prefer: Option<Preference>,
