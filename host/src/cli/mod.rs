@@ -292,7 +292,7 @@ mod tests {
             (MODEL, "accuracy explain no_cache scene tolerance within"),
             (BAND, "at from grid max_hz step to unit"),
             (TOUCH, "at duration_ms intensity_db intensity_g spread unit"),
-            (EFFECT, "count crisp_ms duration_ms effect file format period_ms prefer"),
+            (EFFECT, "count crisp_ms duration_ms effect envelopes file format period_ms prefer"),
             (PLANNER, "also grouping objective quiet spread trade weigh window zone"),
             (DAEMON, "ca proxy token_file url"),
         ] {
