@@ -29,9 +29,9 @@ pub struct Field {
     /// Requested peak acceleration, in g
     #[arg(long, value_name = "A", allow_negative_numbers = true, help_heading = TOUCH)]
     pub intensity_g: Option<f64>,
-    /// Instead of the field of one touch, compute for every point the strongest possible peak, and the highest possible
-    /// contrast (motion near the point, relative to the rest of the surface) of a touch that is weak enough to stay
-    /// below all limits of the drives; also compute the drive frequencies for each of these two values
+    /// Instead of the field of one touch, compute two values for every point: the largest peak and the highest contrast
+    /// (motion near the point, relative to the rest of the surface) that a touch at this point can have while every drive
+    /// stays within its limits. Also compute the drive frequencies that give each of these values
     #[arg(long, conflicts_with_all = ["at", "intensity_g", "schemes"], help_heading = REACH)]
     pub reach: bool,
     /// Compare three drive schemes (one frequency in phase, one frequency with chosen phases, distinct frequencies)

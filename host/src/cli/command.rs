@@ -34,8 +34,8 @@ Examples:
 pub struct Arguments {
     #[command(subcommand)]
     pub command: Option<Command>,
-    /// Log debug messages (-v), or also trace messages (-vv); a filter of the Rust crate tracing-subscriber in the
-    /// environment variable ERA_LOG overrides this option
+    /// Log debug messages (-v), or also trace messages (-vv); the environment variable ERA_LOG, a filter in the
+    /// syntax of the Rust crate tracing-subscriber, overrides this option
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
     pub verbose: u8,
     /// Format of the log and of errors on standard error

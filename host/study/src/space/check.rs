@@ -239,8 +239,8 @@ impl DesignSpace {
             lines.report_mistake_in_line(
                 minimum_distance.line,
                 format!(
-                    "apart[{entry_number}]: the paths must lead to at least 2 different places, but the number of \
-                     places is {}",
+                    "apart[{entry_number}]: the paths must lead to at least 2 different tables (such as two actuators), \
+                     but the number of different tables is {}",
                     places.len()
                 ),
             );

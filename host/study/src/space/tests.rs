@@ -384,7 +384,7 @@ fn what_is_held_apart_has_places() {
     );
     told(
         "[\"actuator.left\", \"actuator[1]\"]",
-        "apart[1]: the paths must lead to at least 2 different places, but the number of places is 1",
+        "apart[1]: the paths must lead to at least 2 different tables (such as two actuators), but the number of different tables is 1",
     );
     assert!(
         space_of(&format!("{table}[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 50\n"), STARTING_PLATE).is_ok()
