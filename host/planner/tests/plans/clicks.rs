@@ -167,7 +167,7 @@ fn a_double_click_of_windows_is_the_same_click_twice() {
 fn figures_of_a_double_click_are_those_of_its_motion() {
     let stopped = EXAMPLE_BAR
         .replace("damping_n_s_per_m = 1.1", "damping_n_s_per_m = 0.3")
-        .replace("max_voltage_v = 2000.0", "max_voltage_v = 2000.0\nstop_um = 30.0");
+        .replace("stop_um = 170.0", "stop_um = 30.0");
     let mut weakened = 0;
     for (text, places, wish_g) in [
         (EXAMPLE_PLATE, [0.06, 0.15, 0.27], 0.3),
