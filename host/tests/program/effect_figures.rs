@@ -44,7 +44,12 @@ fn cases() -> Vec<Case> {
         ),
         // What a press leaves of the gap holds no more.
         case(STARTING_PLATE, [256.0, 1088.0], 3.0, Some("breakdown")),
-        case(&soft("1500.0", "0.3", "1200.0"), [844.0, 80.0], 5.0, Some("travel")),
+        case(
+            &soft("1500.0", "0.3", "1200.0").replace("stop_um = 170.0", "stop_um = 20.0"),
+            [844.0, 80.0],
+            5.0,
+            Some("travel"),
+        ),
         case(&soft("500.0", "1.1", "2000.0"), [600.0, 80.0], 50.0, Some("pull-in")),
         case(&hungry, [480.0, 640.0], 20.0, Some("supply")),
         case(STARTING_PLATE, [400.0, 300.0], 0.2, Some("too-short")),
