@@ -233,12 +233,15 @@ impl From<ModelError> for Raised {
                 Some(format_allowed_range_or_minimum(*min, *max)),
             ),
             ModelError::TooFine { max_hz, unknowns, limit, .. } => {
-                let allowed =
-                    format!("a frequency that needs at most {limit} unknowns (this frequency needs {unknowns})");
+                let allowed = format!(
+                    "a lower frequency, at which the model of the panel has at most {limit} unknowns (not {unknowns})"
+                );
                 Self::with(RaisedKind::Model, &error, "frequency_hz", *max_hz, Some(allowed))
             }
             ModelError::TooManyModes { max_hz, modes, limit } => {
-                let allowed = format!("a frequency that needs at most {limit} modes (this frequency needs {modes})");
+                let allowed = format!(
+                    "a lower frequency, up to which the model of the panel has at most {limit} modes (not {modes})"
+                );
                 Self::with(RaisedKind::Model, &error, "frequency_hz", *max_hz, Some(allowed))
             }
             ModelError::Factorisation { .. }

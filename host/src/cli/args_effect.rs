@@ -34,7 +34,7 @@ pub struct EffectOptions {
     pub rhythm: Rhythm,
     #[command(flatten)]
     pub crispness: Crispness,
-    /// Design the effect for a board that plays no single windows (a board with a protocol version before 4)
+    /// Design the effect for a board with protocol version 3 or lower, which plays clicks as drives with envelopes
     #[arg(long, help_heading = EFFECT, conflicts_with = "file")]
     pub envelopes: bool,
     #[command(flatten)]
