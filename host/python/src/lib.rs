@@ -69,7 +69,7 @@ mod _era {
             "Transient" => restore_from_fields_making_arrays_read_only::<Transient>(py, fields),
             "Verification" => restore_from_fields_making_arrays_read_only::<Verification>(py, fields),
             _ => Err(PyValueError::new_err(format!(
-                "this version of era has no class of results with the name {result}"
+                "this version of era has no result class `{result}`: update the package era"
             ))),
         }
     }

@@ -202,9 +202,10 @@ pub(super) fn write_accuracy_convergence_and_failures_html(
 ) -> String {
     let mut html = format!(
         "<p>All designs got a {} evaluation (column \"first value\"). The scene itself and the best designs were then \
-        computed again with models for a relative tolerance of {:.0e} (column \"computed again\"). The last column is \
-        an upper bound of the relative error of the model. The program computes this bound only for the strongest \
-        peak at the weakest place, for frequencies of modes and for sag_um.</p>\n\
+        computed again, with models whose relative error should be at most {:.0e} (column \"computed again\"). The \
+        column \"error at most\" is an upper bound of the relative error of the value computed again. The program \
+        computes this bound for three kinds of figures only: the strongest peak at the weakest place, the frequencies \
+        of modes, and sag_um.</p>\n\
          <table>\n<tr><th>design</th><th>figure</th><th>first value</th><th>computed \
          again</th><th>difference</th><th>error at most</th></tr>\n",
         if study.spec.method.thorough { "thorough" } else { "quick" },
