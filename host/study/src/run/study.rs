@@ -180,8 +180,8 @@ impl Study {
             && let Some(one) = figures.iter().find(|wanted| wanted.is_for_one_setting_on_whole_surface())
         {
             return Err(refused(format!(
-                "the figure {} needs one setting for the whole surface, but a scene with a [finger] needs a different \
-                 setting for each touched place: leave out this figure, or leave out [finger] in the scene",
+                "the figure {} is for drives that are the same for every touched place, but with a [finger] in the \
+                 scene, each place needs its own drives: remove this figure from the study, or [finger] from the scene",
                 one.column_name()
             )));
         }
