@@ -7,9 +7,17 @@ use std::process::Command;
 
 /// All libraries that a crate of this workspace is built with.
 fn list_dependencies(crate_name: &str) -> Vec<String> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).expect("a repository");
     let mut tree = Command::new("cargo");
-    tree.current_dir(root).args(["tree", "--locked", "--edges", "normal", "--prefix", "none", "--package", crate_name]);
+    tree.current_dir(repository_root()).args([
+        "tree",
+        "--locked",
+        "--edges",
+        "normal",
+        "--prefix",
+        "none",
+        "--package",
+        crate_name,
+    ]);
     let output = tree.output().expect("cargo");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let text = String::from_utf8(output.stdout).expect("text");
@@ -46,7 +54,7 @@ fn list_files(folder: &Path, ending: &str) -> Vec<PathBuf> {
     found
 }
 
-/// The files of the daemon that contain a text, as names in its folder `drive`.
+/// The files of the daemon that contain a text, as paths from the folder of the daemon on, in order.
 fn list_daemon_files_with(text: &str) -> Vec<String> {
     let root = repository_root().join("host/src/daemon");
     let contains = |path: &PathBuf| fs::read_to_string(path).expect("a source file").contains(text);
