@@ -57,7 +57,7 @@ impl Effect {
         self.json_value_of_key(py, "drives")
     }
 
-    /// The windows of a click, as `era effect --json` prints them: a list of dicts with `actuator`, `electrode`, `begin_us`, `width_us` and
+    /// The windows of a click or a double click, as `era effect --json` prints them: a list of dicts with `actuator`, `electrode`, `begin_us`, `width_us` and
     /// `voltage_v`; an empty list for other effects.
     #[getter(windows)]
     fn windows_as_dicts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {

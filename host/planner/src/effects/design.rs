@@ -105,7 +105,7 @@ pub struct EffectPrediction {
 pub struct EffectDesign {
     /// Which.
     pub effect: NamedEffect,
-    /// One per drive of the plan, in its order; none for a click of single windows.
+    /// One per drive of the plan, in its order; none for a click or a double click of single windows.
     pub drives: Vec<DesignedDrive>,
     /// At the first target.
     pub predicted: EffectPrediction,
@@ -119,7 +119,7 @@ pub struct EffectDesign {
     pub length_ms: f64,
     /// Bound of every actuator's travel in m, from rest.
     pub travel_m: Vec<f64>,
-    /// The windows of a click that is made of single ones; none of other effects.
+    /// The windows of a click or a double click that is made of single ones; none of other effects.
     pub windows: Vec<EffectWindow>,
     /// What those windows do to each pole that vibrates: its largest amplitude while they are on, and the amplitude after them.
     pub pole_amplitudes: Vec<(f64, f64)>,

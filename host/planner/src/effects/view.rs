@@ -14,9 +14,9 @@ use serde::Serialize;
 pub struct EffectView {
     /// Which.
     pub name: NamedEffect,
-    /// What is played on each drive of the plan, in its order; none for a click of single windows.
+    /// What is played on each drive of the plan, in its order; none for a click or a double click of single windows.
     pub drives: Vec<EffectDriveView>,
-    /// The windows of a click of single windows, by their begin; none of other effects.
+    /// The windows of a click or a double click of single windows, by their begin; none of other effects.
     pub windows: Vec<EffectWindow>,
     /// What it should do at the first target.
     pub predicted: EffectPrediction,
