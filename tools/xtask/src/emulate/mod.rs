@@ -2,14 +2,15 @@
 
 pub mod bridge;
 pub mod link;
-mod report;
+pub mod report;
 mod terminal;
 
 use crate::error::Error;
 use crate::process::run_command;
 use crate::{elf, image, repository_root};
 use bridge::{Bridge, Pace};
-use report::ReportEnd;
+use clap::ValueEnum;
+use report::{ReportEnd, ReportPart};
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::Instant;
@@ -28,6 +29,9 @@ pub struct Options {
     /// End the report at its first wrong row.
     #[arg(long, requires = "report")]
     first_wrong: bool,
+    /// Only this part of the report; may be given several times.
+    #[arg(long = "part", value_name = "PART", requires = "report")]
+    parts: Vec<ReportPart>,
     /// Run this image instead of building one.
     #[arg(long, value_name = "ELF")]
     image: Option<PathBuf>,
@@ -46,7 +50,8 @@ pub fn build_image_and_run_emulator_or_board_report(options: &Options) -> Result
     eprintln!("emulate: image of {} bytes, {}", usage.flash, image.display());
     if options.report {
         let end = if options.first_wrong { ReportEnd::FirstWrongRow } else { ReportEnd::LastRow };
-        return report::run_board_checks_printing_report_exiting_at_first_wrong_if_asked(&image, end);
+        let parts = if options.parts.is_empty() { ReportPart::value_variants() } else { &options.parts };
+        return report::run_board_checks_printing_report_exiting_at_first_wrong_if_asked(&image, parts, end);
     }
     let mut bridge = Bridge::start(&image, Pace::Wall)?;
     println!("{}", bridge.terminal_path().display());
@@ -72,7 +77,8 @@ pub fn run_emulator_self_test_and_board_report() -> Result<(), Error> {
             .args(["--self-test", "--elf"])
             .arg(&image),
     )?;
-    report::run_board_checks_printing_report_exiting_at_first_wrong_if_asked(&image, ReportEnd::LastRow)
+    let parts = ReportPart::value_variants();
+    report::run_board_checks_printing_report_exiting_at_first_wrong_if_asked(&image, parts, ReportEnd::LastRow)
 }
 
 fn send_hello_and_print_answer(terminal: &mut Terminal) -> Result<(), Error> {

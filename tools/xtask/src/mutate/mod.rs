@@ -1,16 +1,22 @@
 //! `cargo xtask mutate`: plants mistakes in the board's code, one after the other, and shows which test detects each.
 //!
 //! A mistake in `shared/` is first shown to the tests of that crate. What they do not detect, and every mistake in `firmware/`, is built into an
-//! image and taken through the report of the emulated board, whose expectations come from this program, which has no mistake in it.
+//! image and taken through the report of the emulated board, whose expectations come from this program, which has no mistake in it. Several
+//! mistakes are judged at a time, each in a copy of the tree of its own.
 
+mod board_checks;
 mod list;
 
 use crate::error::{Error, file_error};
 use crate::process::capture_output;
 use crate::repository_root;
+use board_checks::{run_all_board_checks, run_board_checks_until_one_fails};
 use list::{Mutation, list_mutations};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
 
 /// Longest time in s for compiling and running the tests of the shared crate with a mistake in it.
 const TEST_LIMIT_S: &str = "400";
@@ -26,12 +32,15 @@ pub struct Options {
     /// Only so many, chosen by the commit, of those that the tests of the shared crate see
     #[arg(long, value_name = "N")]
     some: Option<usize>,
+    /// Judge so many mistakes at a time; as many as there are processors without this option
+    #[arg(long, value_name = "N")]
+    jobs: Option<usize>,
 }
 
 impl Options {
-    /// The mistakes that a run of all tests plants.
+    /// The mistakes that a run of all tests plants, one at a time, because the tests run beside them.
     pub const fn for_sample_of_shared_crate_mutations(count: usize) -> Self {
-        Self { only: None, some: Some(count) }
+        Self { only: None, some: Some(count), jobs: Some(1) }
     }
 }
 
@@ -52,14 +61,20 @@ enum TreeVerdict {
     Failed(Vec<String>),
 }
 
-/// The folders of a run, and what is known of the tree without a mistake.
-struct Workbench {
-    root: PathBuf,
+/// The folders of one of the threads that judge mistakes.
+struct Workbench<'a> {
     /// A copy of the tree, which the mistakes are planted in.
     tree: PathBuf,
-    /// Whether the tests of the shared crate, and the report, pass without a mistake. Each is tried before it judges the first one.
-    are_tests_sound: bool,
-    is_report_sound: bool,
+    /// Where the copy is built.
+    target: PathBuf,
+    soundness: &'a Mutex<Soundness>,
+}
+
+/// Whether the tests of the shared crate, and the report, pass without a mistake. Each is tried before it judges the first one.
+#[derive(Default)]
+struct Soundness {
+    of_tests: bool,
+    of_report: bool,
 }
 
 /// Plants the mistakes and prints what detects each.
@@ -69,28 +84,48 @@ struct Workbench {
 /// a mistake, or what kept one from being planted.
 pub fn run_mutation_tests(options: &Options) -> Result<(), Error> {
     let root = repository_root()?;
-    let tree = root.join("target/mutate/tree");
-    copy_tracked_files(&root, &tree)?;
     let chosen = select_matching_mutations_or_commit_sample_of_shared_ones(&root, options)?;
-    let mut bench = Workbench { root, tree, are_tests_sound: false, is_report_sound: false };
-    let mut unclear = Vec::new();
-    for mutation in chosen {
-        let outcome = match find_what_detects_mutation(&mut bench, mutation) {
-            Err(Error::Unjudged(reason)) => Err(reason),
-            other => Ok(other?),
-        };
-        let seen = match &outcome {
-            Ok(MutationOutcome::Detected(by)) => by.iter().take(3).cloned().collect::<Vec<_>>().join(", "),
-            Ok(MutationOutcome::Survived) => match mutation.unseen_because {
-                Some(reason) => format!("nothing, as listed: {reason}"),
-                None => "NOTHING".to_owned(),
-            },
-            Err(reason) => format!("NOT JUDGED: {reason}"),
-        };
-        println!("{:<58} {}: {seen}", mutation.name, mutation.file);
-        unclear.extend(describe_outcome_unless_as_listed(mutation, &outcome));
-    }
+    let (next, unclear, soundness) = (AtomicUsize::new(0), Mutex::new(Vec::new()), Mutex::new(Soundness::default()));
+    let judge_mutations = |job: usize| -> Result<(), Error> {
+        let folder = root.join(format!("target/mutate/{job}"));
+        let bench = Workbench { tree: folder.join("tree"), target: folder.join("target"), soundness: &soundness };
+        copy_tracked_files(&root, &bench.tree)?;
+        while let Some(mutation) = chosen.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let problem = judge_mutation_and_print_what_detects_it(&bench, mutation)
+                // The other threads end with their present mistake.
+                .inspect_err(|_| next.store(chosen.len(), Ordering::Relaxed))?;
+            unclear.lock().unwrap_or_else(PoisonError::into_inner).extend(problem);
+        }
+        Ok(())
+    };
+    let jobs = options.jobs.unwrap_or_else(|| thread::available_parallelism().map_or(1, usize::from));
+    thread::scope(|scope| {
+        let threads: Vec<_> =
+            (0..jobs.clamp(1, chosen.len().max(1))).map(|job| scope.spawn(move || judge_mutations(job))).collect();
+        let ends =
+            threads.into_iter().map(|thread| thread.join().unwrap_or(Err(Error::Mutations("a crash".to_owned()))));
+        ends.collect::<Result<(), Error>>()
+    })?;
+    let unclear = unclear.into_inner().unwrap_or_else(PoisonError::into_inner);
     if unclear.is_empty() { Ok(()) } else { Err(Error::Mutations(unclear.join("; "))) }
+}
+
+/// Plants one mistake and prints what detects it; what is wrong with that, if something is.
+fn judge_mutation_and_print_what_detects_it(bench: &Workbench, mutation: &Mutation) -> Result<Option<String>, Error> {
+    let outcome = match find_what_detects_mutation(bench, mutation) {
+        Err(Error::Unjudged(reason)) => Err(reason),
+        other => Ok(other?),
+    };
+    let seen = match &outcome {
+        Ok(MutationOutcome::Detected(by)) => by.iter().take(3).cloned().collect::<Vec<_>>().join(", "),
+        Ok(MutationOutcome::Survived) => match mutation.unseen_because {
+            Some(reason) => format!("nothing, as listed: {reason}"),
+            None => "NOTHING".to_owned(),
+        },
+        Err(reason) => format!("NOT JUDGED: {reason}"),
+    };
+    println!("{:<58} {}: {seen}", mutation.name, mutation.file);
+    Ok(describe_outcome_unless_as_listed(mutation, &outcome))
 }
 
 /// What is wrong with an outcome: a mistake that is not detected, not judged, or detected although its list says that it cannot be.
@@ -149,12 +184,9 @@ fn with_mistake<T>(tree: &Path, mutation: &Mutation, work: impl FnOnce() -> Resu
     result
 }
 
-fn find_what_detects_mutation(bench: &mut Workbench, mutation: &Mutation) -> Result<MutationOutcome, Error> {
+fn find_what_detects_mutation(bench: &Workbench, mutation: &Mutation) -> Result<MutationOutcome, Error> {
     if mutation.file.starts_with("shared/") {
-        if !bench.are_tests_sound {
-            expect_sound("the tests of shared/", run_tests_of_shared_crate_with_time_limit(bench, NO_LIMIT)?)?;
-            bench.are_tests_sound = true;
-        }
+        expect_sound_tests_of_shared_crate(bench)?;
         let verdict =
             with_mistake(&bench.tree, mutation, || run_tests_of_shared_crate_with_time_limit(bench, TEST_LIMIT_S))?;
         let outcome = convert_verdict_to_outcome_failing_if_not_compiled_or_nameless(verdict)?;
@@ -162,13 +194,30 @@ fn find_what_detects_mutation(bench: &mut Workbench, mutation: &Mutation) -> Res
             return Ok(outcome);
         }
     }
-    if !bench.is_report_sound {
-        expect_sound("the report of the emulated board", build_image_and_run_report_and_emulator_self_test(bench)?)?;
-        bench.is_report_sound = true;
-    }
+    expect_sound_report(bench)?;
     convert_verdict_to_outcome_failing_if_not_compiled_or_nameless(with_mistake(&bench.tree, mutation, || {
-        build_image_and_run_report_and_emulator_self_test(bench)
+        build_image_and_judge(bench, |tree, image| run_board_checks_until_one_fails(tree, image, mutation.first_check))
     })?)
+}
+
+/// Runs the tests of the shared crate without a mistake, unless a thread has done that before. Other threads wait meanwhile.
+fn expect_sound_tests_of_shared_crate(bench: &Workbench) -> Result<(), Error> {
+    let mut sound = bench.soundness.lock().unwrap_or_else(PoisonError::into_inner);
+    if !sound.of_tests {
+        expect_sound("the tests of shared/", run_tests_of_shared_crate_with_time_limit(bench, NO_LIMIT)?)?;
+        sound.of_tests = true;
+    }
+    Ok(())
+}
+
+/// Has the checks of the emulated board judge the image without a mistake, unless a thread has done that before.
+fn expect_sound_report(bench: &Workbench) -> Result<(), Error> {
+    let mut sound = bench.soundness.lock().unwrap_or_else(PoisonError::into_inner);
+    if !sound.of_report {
+        expect_sound("the report of the emulated board", build_image_and_judge(bench, run_all_board_checks)?)?;
+        sound.of_report = true;
+    }
+    Ok(())
 }
 
 /// A tree that fails by itself would detect everything.
@@ -202,7 +251,7 @@ fn run_tests_of_shared_crate_with_time_limit(bench: &Workbench, limit_s: &str) -
         Command::new("timeout")
             .current_dir(&bench.tree)
             .args([limit_s, "cargo", "test", "--manifest-path", "shared/Cargo.toml", "--no-fail-fast", "--target-dir"])
-            .arg(bench.root.join("target/mutate/shared")),
+            .arg(bench.target.join("shared")),
     )?;
     Ok(if works { TreeVerdict::Sound } else { parse_verdict_of_failed_test_run(&output) })
 }
@@ -221,8 +270,12 @@ fn parse_verdict_of_failed_test_run(output: &str) -> TreeVerdict {
     TreeVerdict::Failed(failed)
 }
 
-fn build_image_and_run_report_and_emulator_self_test(bench: &Workbench) -> Result<TreeVerdict, Error> {
-    let target = bench.root.join("target/mutate/firmware");
+/// Builds the image of the bench's tree and has `judge` judge it, which gets the tree and the image.
+fn build_image_and_judge(
+    bench: &Workbench,
+    judge: impl FnOnce(&Path, &Path) -> Result<TreeVerdict, Error>,
+) -> Result<TreeVerdict, Error> {
+    let target = bench.target.join("firmware");
     let (works, output) = run_command_and_get_success_and_all_output(
         Command::new("cargo")
             .current_dir(bench.tree.join("firmware"))
@@ -232,27 +285,8 @@ fn build_image_and_run_report_and_emulator_self_test(bench: &Workbench) -> Resul
     if !works {
         return Ok(TreeVerdict::NotCompiled(find_first_error_line_or_text_that_none_is_named(&output)));
     }
-    let own = std::env::current_exe().map_err(file_error("cannot find", Path::new("this program")))?;
     let image: PathBuf = target.join("thumbv7em-none-eabihf/release/era-firmware");
-    let (works, output) = run_command_and_get_success_and_all_output(
-        Command::new(own).args(["emulate", "--report", "--first-wrong", "--image"]).arg(&image),
-    )?;
-    if !works {
-        let rows = output.lines().filter_map(|line| line.strip_prefix("wrong: ")).map(|row| format!("report: {row}"));
-        return Ok(TreeVerdict::Failed(rows.collect()));
-    }
-    // Pins, registers and pulses against the manufacturer's data, which share nothing with the report.
-    let launch = bench.tree.join("tools/emulator/launch.py");
-    let (works, output) = run_command_and_get_success_and_all_output(
-        Command::new("python3").arg(launch).args(["--self-test", "--elf"]).arg(&image),
-    )?;
-    Ok(if works { TreeVerdict::Sound } else { TreeVerdict::Failed(list_failed_python_tests(&output)) })
-}
-
-/// The tests that unittest names as failed: lines such as `FAIL: test_pins (test_pin_map.PinMapTest.test_pins)`.
-fn list_failed_python_tests(output: &str) -> Vec<String> {
-    let name = |line: &str| line.strip_prefix("FAIL: ").or_else(|| line.strip_prefix("ERROR: ")).map(str::to_owned);
-    output.lines().filter_map(name).collect()
+    judge(&bench.tree, &image)
 }
 
 /// The first line of `output` that begins with "error", or a text that says that no error is named.
@@ -318,15 +352,6 @@ mod tests {
             panic!("a run that was ended by its time limit is detected")
         };
         assert!(names[0].contains("does not end"), "{names:?}");
-    }
-
-    #[test]
-    fn failed_python_tests_are_named() {
-        let output = "....\nFAIL: test_pins (test_pin_map.PinMapTest.test_pins)\nTraceback\nERROR: test_two (a.B)\n";
-        assert_eq!(
-            list_failed_python_tests(output),
-            ["test_pins (test_pin_map.PinMapTest.test_pins)", "test_two (a.B)"]
-        );
     }
 
     /// A reason why a mistake is not seen excuses that mistake only, and only as long as it is not seen.

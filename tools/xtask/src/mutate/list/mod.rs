@@ -3,6 +3,8 @@
 mod firmware;
 mod shared;
 
+use super::board_checks::BoardCheck;
+
 /// A mistake: the text that stands once in a file, and what takes its place.
 pub struct Mutation {
     /// What is wrong.
@@ -15,10 +17,20 @@ pub struct Mutation {
     pub to: &'static str,
     /// Why no test can detect it, if none can.
     pub unseen_because: Option<&'static str>,
+    /// The check of the emulated board that is tried first, because it detects this mistake; the others follow if it does not.
+    pub first_check: Option<BoardCheck>,
+}
+
+impl Mutation {
+    /// The same mistake, with this check of the emulated board tried first.
+    const fn with_first_check(mut self, check: BoardCheck) -> Self {
+        self.first_check = Some(check);
+        self
+    }
 }
 
 const fn new_mutation(name: &'static str, file: &'static str, from: &'static str, to: &'static str) -> Mutation {
-    Mutation { name, file, from, to, unseen_because: None }
+    Mutation { name, file, from, to, unseen_because: None, first_check: None }
 }
 
 /// A mistake that no test can detect, for this reason.
@@ -28,7 +40,7 @@ const fn new_undetectable_mutation(
     [from, to]: [&'static str; 2],
     reason: &'static str,
 ) -> Mutation {
-    Mutation { name, file, from, to, unseen_because: Some(reason) }
+    Mutation { name, file, from, to, unseen_because: Some(reason), first_check: None }
 }
 
 /// All of them.
