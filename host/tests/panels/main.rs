@@ -5,6 +5,7 @@ mod support;
 
 mod edges;
 mod effects;
+mod faces;
 mod golden_plans;
 mod mode_shapes;
 mod panels_off;
@@ -13,9 +14,10 @@ mod pictures;
 mod planning;
 mod press;
 mod reach;
-mod relations;
 mod resistors;
-mod scene;
+#[path = "../../planner/tests/relations/spec.rs"]
+#[allow(dead_code, reason = "the relations of the planner use all of it")]
+mod spec;
 mod succession;
 mod tolerance;
 mod verification;

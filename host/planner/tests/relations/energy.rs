@@ -1,10 +1,10 @@
 //! Reciprocity, passivity, and the mean square over the surface.
 
-use super::ask::{HIGHEST_HZ, curves_in, hold, nothing};
-use super::spec::{Spec, on, point, scenes};
-use era::model::{Accuracy, PanelModel, ReducedModel};
-use era::planner::{PlanTable, TableOptions};
-use era::response::solve_coordinates_per_newton_at_frequency;
+use crate::ask::{curves_in, nothing};
+use crate::spec::{HIGHEST_HZ, Spec, hold, on, point, scenes};
+use era_model::model::{Accuracy, PanelModel, ReducedModel};
+use era_model::response::solve_coordinates_per_newton_at_frequency;
+use era_planner::{PlanTable, TableOptions};
 use nalgebra::DVector;
 use num_complex::Complex64;
 use proptest::prelude::*;
@@ -21,7 +21,7 @@ fn any_two_points_are_reciprocal() {
             curves_in(&both, at, 1.0).map(|curves| curves.into_iter().find(|(own, ..)| own == id).unwrap())
         };
         let ((_, there, own), (_, back, other)) = (curve(q, "p")?, curve(p, "q")?);
-        let difference = super::ask::apart(&there, &back, 1.0, nothing(&both));
+        let difference = crate::ask::apart(&there, &back, 1.0, nothing(&both));
         prop_assert!(
             difference <= own + other + 1e-9,
             "from {p:?} to {q:?} mm and back differ by {difference:e}, bounds {own:e} and {other:e}\n{}",
@@ -84,7 +84,7 @@ fn panels_take_power() {
 }
 
 fn reduced(spec: &Spec) -> Result<ReducedModel, TestCaseError> {
-    let fail = |error: era::model::ModelError| TestCaseError::fail(format!("{error}\n{}", spec.text()));
+    let fail = |error: era_model::model::ModelError| TestCaseError::fail(format!("{error}\n{}", spec.text()));
     PanelModel::build(&spec.scene(), Accuracy::BALANCED, HIGHEST_HZ)
         .and_then(|model| model.reduce_with_residual_shapes_of_actuators_damping_and_points(HIGHEST_HZ, &[]))
         .map_err(fail)

@@ -1,10 +1,9 @@
 //! Plans: what may only make them better, and what may not change them.
 
-use super::ask::hold;
-use super::spec::{Spec, on, point, scenes};
-use era::model::{Accuracy, PanelModel};
-use era::planner::plan::Planned;
-use era::planner::{PlanTable, QuietZone, Request, SearchEffort, TableOptions, Target};
+use crate::spec::{Spec, hold, on, point, scenes};
+use era_model::model::{Accuracy, PanelModel};
+use era_planner::plan::Planned;
+use era_planner::{PlanTable, QuietZone, Request, SearchEffort, TableOptions, Target};
 use proptest::prelude::*;
 
 /// A table at the accuracy that is enough for relations within one model.
@@ -49,7 +48,7 @@ fn cost(table: &PlanTable, planned: &Planned) -> f64 {
         for ((place, a), weight) in
             places.iter().zip(grid.evaluate_at_each_grid_point(&entry.acceleration)).zip(&grid.weights)
         {
-            if (place.0 - x).hypot(place.1 - y) > era::planner::TARGET_RADIUS_M {
+            if (place.0 - x).hypot(place.1 - y) > era_planner::TARGET_RADIUS_M {
                 sum += weight * a.norm_sqr();
                 part += weight;
             }
@@ -256,7 +255,7 @@ fn a_shifted_screen_shifts_its_touches() {
         };
         let (here, there) = (on(0.0, 0.0), on(right, down));
         let at = [pixel[0] * f64::from(pixels[0]), pixel[1] * f64::from(pixels[1])];
-        let fail = |error: era::scene::ScreenError| TestCaseError::fail(error.to_string());
+        let fail = |error: era_model::scene::ScreenError| TestCaseError::fail(error.to_string());
         let (x, y) = here.convert_px_to_surface_m(at[0], at[1]).map_err(fail)?;
         let (u, v) = there.convert_px_to_surface_m(at[0], at[1]).map_err(fail)?;
         // Sums of three numbers below a metre.

@@ -1,9 +1,9 @@
 //! Two scene files for one panel.
 
-use super::ask::{HIGHEST_HZ, SAME, TOLERANCE, answers, apart, curves_at, hold, nothing, same};
-use super::spec::{EdgeSupport, Mass, Support, on, point, scenes, scenes_of};
-use era::model::Accuracy;
-use era::response::compute_acceleration_curves_per_newton_with_error_bounds;
+use crate::ask::{SAME, TOLERANCE, answers, apart, curves_at, nothing, same};
+use crate::spec::{EdgeSupport, HIGHEST_HZ, Mass, Support, hold, on, point, scenes, scenes_of};
+use era_model::model::Accuracy;
+use era_model::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use proptest::prelude::*;
 
 /// Seen to fail with both halves left out, and with the damping of both doubled.
@@ -84,9 +84,9 @@ fn a_loss_factor_of_nothing_changes_nothing() {
         let zero = "loss_factor = 0.0\n";
         let written = text.replace("[[support]]\n", &format!("[[support]]\n{zero}"));
         let written = written.replace("kind = \"elastic\"\n", &format!("kind = \"elastic\"\n{zero}"));
-        let parsed = era::scene::Scene::parse("written", &written).unwrap();
+        let parsed = era_model::scene::Scene::parse("written", &written).unwrap();
         prop_assert_eq!(&parsed, &spec.scene());
-        let find = |scene: &era::scene::Scene| {
+        let find = |scene: &era_model::scene::Scene| {
             let tolerance = Accuracy::from_tolerance(TOLERANCE).unwrap();
             compute_acceleration_curves_per_newton_with_error_bounds(
                 scene,

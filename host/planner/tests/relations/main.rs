@@ -6,7 +6,6 @@
 mod ask;
 mod energy;
 mod equivalent;
-mod faces;
 mod plans;
 mod scaling;
 mod spec;

@@ -1,6 +1,6 @@
 //! Scene files: the examples are read, and each mistake is told with key, value, range and line.
 
-use era::scene::{EXAMPLE_BAR, Mount, STARTING_PLATE, Scene, SurfaceDamping, SurfaceKind};
+use era_model::scene::{EXAMPLE_BAR, Mount, STARTING_PLATE, Scene, SurfaceDamping, SurfaceKind};
 
 #[test]
 fn examples_are_read() {
@@ -208,21 +208,21 @@ fn the_model_takes_any_number_of_actuators_and_the_planner_four() {
     };
     let six = with(&["b", "c", "d", "e", "f"]).unwrap();
     assert_eq!(six.actuators.len(), 6);
-    let curves = era::response::compute_acceleration_curves_per_newton_with_error_bounds(
+    let curves = era_model::response::compute_acceleration_curves_per_newton_with_error_bounds(
         &six,
-        era::model::Accuracy::FAST,
+        era_model::model::Accuracy::FAST,
         (0.1, 0.1),
         &[60.0, 90.0],
     )
     .unwrap();
     assert_eq!(curves.answer.len(), 6);
-    let options = era::planner::TableOptions { from_hz: 60.0, to_hz: 80.0, step_hz: 10.0 };
-    let model = era::model::PanelModel::build(&six, era::model::Accuracy::FAST, 80.0)
+    let options = era_planner::TableOptions { from_hz: 60.0, to_hz: 80.0, step_hz: 10.0 };
+    let model = era_model::model::PanelModel::build(&six, era_model::model::Accuracy::FAST, 80.0)
         .unwrap()
         .reduce_with_residual_shapes_of_actuators_damping_and_points(80.0, &[])
         .unwrap();
-    let table = era::planner::PlanTable::build(&six, model, options).unwrap();
-    let target = era::planner::Target { x_m: 0.1, y_m: 0.1, intensity_g: None };
+    let table = era_planner::PlanTable::build(&six, model, options).unwrap();
+    let target = era_planner::Target { x_m: 0.1, y_m: 0.1, intensity_g: None };
     let said = table.plan(&[target]).unwrap_err().to_string();
     assert!(said.contains("6 actuators") && said.contains("at most 4"), "{said}");
 }

@@ -1,8 +1,21 @@
 //! Scenes as numbers that can be turned, scaled and put in another order, and random ones.
 
-use super::ask::HIGHEST_HZ;
 use proptest::prelude::*;
+use proptest::test_runner::{Config, TestCaseResult, TestRng, TestRunner};
 use std::fmt::Write;
+
+/// Environment variable: times as many cases.
+const MORE: &str = "ERA_RELATIONS";
+/// Modes and responses are asked for up to this frequency in Hz.
+pub const HIGHEST_HZ: f64 = 400.0;
+
+/// Tries `relation` on `cases` random inputs, the same ones every time (times what the variable says).
+pub fn hold<S: Strategy>(cases: u32, inputs: S, relation: impl Fn(S::Value) -> TestCaseResult) {
+    let times = std::env::var(MORE).ok().and_then(|text| text.parse::<u32>().ok()).unwrap_or(1);
+    let config = Config { cases: cases * times, max_shrink_iters: 24, failure_persistence: None, ..Config::default() };
+    let mut runner = TestRunner::new_with_rng(config, TestRng::deterministic_rng(Default::default()));
+    runner.run(&inputs, relation).unwrap();
+}
 
 /// How an edge is supported.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,9 +89,9 @@ fn lossy(text: &mut String, loss_factor: f64) {
 }
 
 impl Spec {
-    pub fn scene(&self) -> era::scene::Scene {
+    pub fn scene(&self) -> era_model::scene::Scene {
         let text = self.text();
-        era::scene::Scene::parse("relation", &text).unwrap_or_else(|error| panic!("{error}\n{text}"))
+        era_model::scene::Scene::parse("relation", &text).unwrap_or_else(|error| panic!("{error}\n{text}"))
     }
 
     /// The scene file.

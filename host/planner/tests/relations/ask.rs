@@ -1,29 +1,17 @@
 //! What is asked of the program, and how two answers are held against each other.
 
-use super::spec::Spec;
-use era::model::{Accuracy, Bound, compute_modes_with_error_bounds};
-use era::response::compute_acceleration_curves_per_newton_with_error_bounds;
+use crate::spec::{HIGHEST_HZ, Spec};
+use era_model::model::{Accuracy, Bound, compute_modes_with_error_bounds};
+use era_model::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use num_complex::Complex64;
 use proptest::prelude::*;
-use proptest::test_runner::{Config, TestCaseResult, TestRng, TestRunner};
+use proptest::test_runner::TestCaseResult;
 
-/// Environment variable: times as many cases.
-const MORE: &str = "ERA_RELATIONS";
 /// What answers are asked for.
 pub const TOLERANCE: f64 = 1e-2;
-/// Modes and responses are asked for up to this frequency in Hz.
-pub const HIGHEST_HZ: f64 = 400.0;
 /// Relative rounding between two computations of one number: both are what matrices of condition 1e5 or so make of inputs that
 /// differ in their last digit.
 const ROUNDING: f64 = 1e-10;
-
-/// Tries `relation` on `cases` random inputs, the same ones every time (times what the variable says).
-pub fn hold<S: Strategy>(cases: u32, inputs: S, relation: impl Fn(S::Value) -> TestCaseResult) {
-    let times = std::env::var(MORE).ok().and_then(|text| text.parse::<u32>().ok()).unwrap_or(1);
-    let config = Config { cases: cases * times, max_shrink_iters: 24, failure_persistence: None, ..Config::default() };
-    let mut runner = TestRunner::new_with_rng(config, TestRng::deterministic_rng(Default::default()));
-    runner.run(&inputs, relation).unwrap();
-}
 
 /// Modes and responses of a scene.
 pub struct Answers {

@@ -1,7 +1,6 @@
 //! One answer, wherever it is asked for: on the command line with the table computed, being kept and kept; over HTTP; from the library.
 
-use super::ask::hold;
-use super::spec::{Spec, on, point, scenes};
+use crate::spec::{Spec, hold, on, point, scenes};
 use crate::support::Daemon;
 use crate::support::program::{build_era_command, run_command};
 use era::model::{Accuracy, compute_modes_with_error_bounds};

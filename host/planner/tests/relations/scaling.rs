@@ -1,8 +1,8 @@
 //! Dimensional analysis: the same scene in other units of length, mass and time. Frequencies are 1/T, accelerances (L/T^2)/(M L/T^2) =
 //! 1/M; what is relative, as bounds are, stays.
 
-use super::ask::{Answers, Factors, answers, answers_in, hold, same};
-use super::spec::{on, point, scenes};
+use crate::ask::{Answers, Factors, answers, answers_in, same};
+use crate::spec::{hold, on, point, scenes};
 use proptest::prelude::*;
 
 /// Seen to fail with a thickness that is 10 um more in any units.

@@ -1,7 +1,7 @@
 //! Left for right, top for bottom, x for y, and lists in another order: the same answers at the places that correspond.
 
-use super::ask::{SAME, answers, hold, same};
-use super::spec::{on, point, scenes, scenes_of};
+use crate::ask::{SAME, answers, same};
+use crate::spec::{hold, on, point, scenes, scenes_of};
 use proptest::prelude::*;
 
 /// Seen to fail with 5 % more moving mass in the left half.
