@@ -113,9 +113,9 @@ def run(context):
     panel = context.panel(MAX_HZ)
     if not windows:
         none = [not_comparable(quantity, name, "nothing moves the place") for quantity in QUANTITIES[:-1]]
-        return [*none, _best(context, panel, point, windows, predicted, where)]
+        return [*none, _best(context, panel, point, windows, answer, where)]
     results = [_rules(context, windows, where)]
-    results.append(_best(context, panel, point, windows, predicted, where))
+    results.append(_best(context, panel, point, windows, answer, where))
     system = motion.System(panel, BAND_HZ, [point, *_middles_of_cells(scene)])
     if system.size > MOST or system.defective:
         return results + [not_comparable(quantity, name, f"{system.size} modes, or poles that coincide") for quantity in MOVED]
@@ -260,26 +260,26 @@ def _surface(context, acceleration, predicted, where):
     ]
 
 
-def _best(context, panel, point, windows, predicted, where):
-    """The strongest peak of free forces; forces are those of the highest voltage that the program could have used, which is at least that
-    of its windows: with less the bound is smaller, with all that the scene allows larger."""
+def _best(context, panel, point, windows, answer, where):
+    """The strongest peak of free forces that are at most as large as the program says. Those must be at least the forces at the voltages of its
+    windows, and at most those at the highest voltage of the scene and the board."""
     scene, name, quantity = context.scene, context.name, "click: best possible"
+    forces = np.array(answer["best_possible_forces_n"])
     least = np.zeros(len(scene.actuators))
     for window in windows:
         least[window.actuator] = max(least[window.actuator], window.voltage_v)
     most = np.array([min(era.max_voltage, 2000.0) for era in scene.actuators])
-    force = lambda volts: np.array([motion.pulses.rest_force(era.electrode_area, era.air_gap, v) for era, v in zip(scene.actuators, volts)])
-    response = panel.accelerance([point], HERTZ)[:, :, 0]
-    low, high = _strongest(response, force(least)), _strongest(response, force(most))
-    best = (predicted["best_possible_g"] or 0.0) * (3 if context.planted(quantity) else 1) * G
-    # Where no window is told, the lower bound is 0: no place that can be moved is without one.
+    rest_force = lambda volts: np.array([motion.pulses.rest_force(era.electrode_area, era.air_gap, v) for era, v in zip(scene.actuators, volts)])
+    if len(forces) != len(least) or np.any(forces < 0.99 * rest_force(least)) or np.any(forces > 1.01 * rest_force(most)):
+        return Result(quantity, name, np.inf, 0.03, note=f"forces of {forces} N, {where}")
+    own = _strongest(panel.accelerance([point], HERTZ)[:, :, 0], forces)
+    best = (answer["predicted"]["best_possible_g"] or 0.0) * (1.1 if context.planted(quantity) else 1) * G
+    # Where no window is told, nothing that fingers feel can be reached.
     if not windows:
-        outside = 0.0 if high < MOVABLE_G * G else np.inf
-    elif max(high, best) < NOTHING * G:
+        return Result(quantity, name, 0.0 if own < MOVABLE_G * G else np.inf, 0.03, note=f"{own / G:.3g} g, {where}")
+    if max(own, best) < NOTHING * G:
         return not_comparable(quantity, name, "nothing moves")
-    else:
-        outside = max(low / best - 1, best / high - 1, 0.0) if best > 0 else np.inf
-    return Result(quantity, name, outside, 0.03, note=f"{best / G:.3g} g for {low / G:.3g} to {high / G:.3g} g, {where}")
+    return Result(quantity, name, abs(best / own - 1) if own > 0 else np.inf, 0.03, note=f"{best / G:.4g} g for {own / G:.4g} g, {where}")
 
 
 def _strongest(response, forces_n):

@@ -56,6 +56,8 @@ pub struct ClickDesign {
     pub amplitudes: Vec<(Complex64, f64, f64)>,
     /// Of a click for one place, the strongest crisp click that these actuators can make there in m/s^2, if it was asked for ([`super::bound`]).
     pub best_possible: Option<f64>,
+    /// The largest force in N of each actuator's electrodes for which that was computed, in the order of the scene.
+    pub largest_forces_n: Vec<f64>,
     /// What it does to the surface relative to the first place, if anything moves.
     pub surface: Option<SurfaceFigures>,
     /// Whether every place is quiet at the time asked for, and its peak in time, in each click from its beginning.
@@ -177,9 +179,9 @@ pub fn design_click_windows(
         add_limitation_if_new(&mut limits, Limitation::for_actuator(table, Limit::Travel, actuator));
     }
     let alone = residues.first().filter(|_| options.with_best_possible && !has_several);
+    let largest_forces_n: Vec<f64> = actuators.iter().map(|own| own.plateau_n).collect();
     let best_possible = alone.and_then(|residues| {
-        let forces: Vec<f64> = actuators.iter().map(|own| own.plateau_n).collect();
-        bound_crisp_click_peak_if_solved_m_per_s2(residues, &forces, options.crisp_s)
+        bound_crisp_click_peak_if_solved_m_per_s2(residues, &largest_forces_n, options.crisp_s)
     });
     let mut windows = built.windows;
     windows.iter_mut().for_each(|window| window.begin_s += LEAD_S);
@@ -197,6 +199,7 @@ pub fn design_click_windows(
         travel_m: built.motion.travel_m,
         amplitudes: built.motion.amplitudes,
         best_possible,
+        largest_forces_n,
         surface,
         is_crisp: first.iter().chain(&second).all(|own| options.does_motion_peak_and_become_quiet_in_time(own)),
     })

@@ -123,6 +123,8 @@ pub struct EffectDesign {
     pub windows: Vec<EffectWindow>,
     /// What those windows do to each pole that vibrates: its largest amplitude while they are on, and the amplitude after them.
     pub pole_amplitudes: Vec<(f64, f64)>,
+    /// The force in N of each actuator for which [`EffectPrediction::best_possible_g`] was computed; none if it was not.
+    pub best_possible_forces_n: Vec<f64>,
 }
 
 impl EffectDesign {
@@ -339,6 +341,7 @@ fn design_effect_of_clicks_or_fixed_envelope(
         travel_m,
         windows: Vec::new(),
         pole_amplitudes: Vec::new(),
+        best_possible_forces_n: Vec::new(),
     })
 }
 

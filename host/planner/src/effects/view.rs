@@ -18,6 +18,8 @@ pub struct EffectView {
     pub drives: Vec<EffectDriveView>,
     /// The windows of a click or a double click of single windows, by their begin; none of other effects.
     pub windows: Vec<EffectWindow>,
+    /// The largest force in N of each actuator, in the order of the scene, for which `best_possible_g` was computed; empty if it was not.
+    pub best_possible_forces_n: Vec<f64>,
     /// What it should do at the first target.
     pub predicted: EffectPrediction,
     /// Whether anything keeps it below what was asked for.
@@ -81,6 +83,7 @@ impl EffectView {
             name: design.effect,
             drives: design.drives.iter().map(EffectDriveView::new).collect(),
             windows: design.windows.clone(),
+            best_possible_forces_n: design.best_possible_forces_n.clone(),
             predicted: design.predicted,
             limited: design.limited_by.is_some(),
             limited_by: design.limited_by.clone(),

@@ -112,6 +112,7 @@ fn effect_from_click(table: &PlanTable, request: EffectRequest, click: ClickDesi
         limits: click.limits,
         travel_m: click.travel_m,
         windows,
+        best_possible_forces_n: click.best_possible.map_or_else(Vec::new, |_| click.largest_forces_n),
         pole_amplitudes: click.amplitudes.into_iter().map(|(_, most, left)| (most, left)).collect(),
     }
 }
