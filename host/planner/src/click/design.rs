@@ -180,9 +180,8 @@ pub fn design_click_windows(
     }
     let alone = residues.first().filter(|_| options.with_best_possible && !has_several);
     let largest_forces_n: Vec<f64> = actuators.iter().map(|own| own.plateau_n).collect();
-    let best_possible = alone.and_then(|residues| {
-        bound_crisp_click_peak_if_solved_m_per_s2(residues, &largest_forces_n, options.crisp_s)
-    });
+    let best_possible = alone
+        .and_then(|residues| bound_crisp_click_peak_if_solved_m_per_s2(residues, &largest_forces_n, options.crisp_s));
     let mut windows = built.windows;
     windows.iter_mut().for_each(|window| window.begin_s += LEAD_S);
     windows.sort_by(|a, b| a.begin_s.total_cmp(&b.begin_s));
