@@ -5,9 +5,10 @@ mod support;
 use era_shared::link::{FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::*;
 use era_shared::safety::{SafetyEvent, SafetyState};
-use era_shared::waveform::{Effect, Electrode};
+use era_shared::waveform::{Effect, Electrode, SequenceWindow};
 use heapless::Vec as Short;
 use proptest::prelude::*;
+use proptest::strategy::ValueTree;
 use support::circuit::ElectrodeState;
 use support::{Bench, Did, make_arm_request, make_drive, make_two_drives_request};
 
@@ -479,9 +480,9 @@ fn any_request() -> impl Strategy<Value = Request> {
         Just(Request::Telemetry),
         Just(Request::ArmWith { deadman_ms: None, burst_ms: Some(10) }),
         Just(Request::Prepare { drives: Short::from_slice(&[make_drive(0), make_drive(3)]).unwrap() }),
-        (0_u8..6, any::<u64>(), 0_u16..5, 0_u16..5).prop_map(|(channel, start, cycles, brake)| Request::Play {
+        (0_u8..6, any_start_us(), 0_u16..5, 0_u16..5).prop_map(|(channel, start_us, cycles, brake)| Request::Play {
             channel,
-            start_us: if start % 2 == 0 { 0 } else { start },
+            start_us,
             effect: Effect::new_click(cycles, brake),
         }),
         Just(Request::Clock),
@@ -489,7 +490,50 @@ fn any_request() -> impl Strategy<Value = Request> {
         Just(Request::Log),
         Just(Request::Credit),
         any::<u32>().prop_map(|key| Request::Bootloader { key }),
+        (0_u32..3, 0_u8..6, any_start_us(), 0_u16..5).prop_map(|(number, channel, start_us, cycles)| {
+            Request::PlayOnce { number, channel, start_us, effect: Effect::new_click(cycles, 1) }
+        }),
+        (
+            0_u32..3,
+            any_start_us(),
+            prop::array::uniform2(0_u32..3_000_000),
+            prop::collection::vec(any_window(), 0..=24)
+        )
+            .prop_map(|(number, start_us, rail_millivolts, windows)| {
+                let windows = Short::from_slice(&windows).unwrap();
+                Request::PlayWindows(WindowSequence { number, start_us, rail_millivolts, windows })
+            }),
+        Just(Request::NumberedFault),
+        (0_u32..3).prop_map(|number| Request::ClearFault { number }),
     ]
+}
+
+/// At once, soon, or at the end of the range, in clocks and in us.
+fn any_start_us() -> impl Strategy<Value = u64> {
+    prop_oneof![Just(0), 0_u64..30_000_000, any::<u64>(), Just(u64::MAX / 170), Just(u64::MAX)]
+}
+
+/// Good ones of a few channels mostly.
+fn any_window() -> impl Strategy<Value = SequenceWindow> {
+    let good = (0_u8..4, any::<bool>(), 2_000_u32..20_000, 3_000_u32..9_000);
+    let any = (any::<u8>(), any::<bool>(), any::<u32>(), any::<u32>());
+    prop_oneof![200 => good, 1 => any].prop_map(|(channel, is_a, wait_ticks, width_ticks)| {
+        let electrode = if is_a { Electrode::A } else { Electrode::B };
+        SequenceWindow { channel, electrode, wait_ticks, width_ticks }
+    })
+}
+
+/// A request that is added has to be added to [`any_request`] too.
+#[test]
+fn every_kind_of_request_is_among_the_random_ones() {
+    let name = |request: &Request| format!("{request:?}").split(['(', ' ']).next().unwrap_or_default().to_owned();
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    let strategy = any_request();
+    let drawn: std::collections::BTreeSet<String> =
+        (0..2_000).map(|_| name(&strategy.new_tree(&mut runner).unwrap().current())).collect();
+    // The first byte of a message is its kind; 0 is a value of everything that follows.
+    let is_kind = |kind: &u8| postcard::from_bytes::<Request>(&[&[*kind][..], &[0; 200]].concat()).is_ok();
+    assert_eq!(drawn.len(), (0..=u8::MAX).take_while(is_kind).count(), "{drawn:?}");
 }
 
 proptest! {

@@ -254,7 +254,8 @@ fn is_large_enough(drive: &ChannelDrive, state: ElectrodeState, offset: f64) -> 
         _ => {
             let more = volts / 1.1 * width * hertz;
             let most = 1.2 * electrodes + 1.05 * bleeders + (volts + 50.0) / 50.0 + 5.0 + on_its_way;
-            0.97 * (0.9 * more + 0.4 * electrodes * charged + bleeders) + offset > most
+            // The measured current is a whole number of uA.
+            0.97 * (0.9 * more + 0.4 * electrodes * charged + bleeders) + offset > most + 1.0
         }
     }
 }

@@ -58,6 +58,52 @@ fn a_request_that_is_repeated_after_a_stop_is_not_answered_as_playing() {
     assert!(matches!(answer, Reply::Refused(_)), "{answer:?}");
 }
 
+/// An effect that is refused is not remembered: whoever repeats the request, because its answer was lost, is not told that it plays.
+#[test]
+fn a_refused_effect_that_is_repeated_is_refused_again_until_it_plays() {
+    let mut bench = Bench::new();
+    bench.arm_and_await_armed();
+    let play = Request::PlayOnce { number: 1, channel: 0, start_us: 0, effect: Effect::new_click(2, 2) };
+    for _ in 0..3 {
+        assert_eq!(bench.send_request(&play), Reply::Refused(Refusal::NoDrive { channel: 0 }));
+    }
+    bench.send_request(&Request::Prepare { drives: Short::from_slice(&[make_drive(0)]).unwrap() });
+    bench.wait_ms(60);
+    bench.board.preloads.clear();
+    assert_eq!(bench.send_request(&play), Reply::Playing);
+    bench.send_request(&Request::KeepAlive);
+    bench.wait_ms(20);
+    assert!(bench.board.preloads.iter().any(|it| !it.period.has_no_windows()), "it is played");
+}
+
+/// An effect that waits for a drive ends with it: other drives, none at all, or a sequence of windows.
+#[test]
+fn effects_that_wait_do_not_outlive_their_drives() {
+    let prepare = |channels: &[u8]| {
+        let drives: Vec<_> = channels.iter().map(|channel| make_drive(*channel)).collect();
+        Request::Prepare { drives: Short::from_slice(&drives).unwrap() }
+    };
+    for between in [prepare(&[]), prepare(&[1]), prepare(&[0])] {
+        let mut bench = Bench::new();
+        bench.arm_and_await_armed();
+        bench.send_request(&prepare(&[0]));
+        bench.wait_ms(60);
+        let start_us = bench.board.now_us + 200_000;
+        let play = Request::PlayOnce { number: 1, channel: 0, start_us, effect: Effect::new_click(3, 0) };
+        assert_eq!(bench.send_request(&play), Reply::Playing);
+        bench.send_request(&between);
+        bench.wait_ms(20);
+        bench.send_request(&prepare(&[0]));
+        bench.board.preloads.clear();
+        for _ in 0..40 {
+            bench.send_request(&Request::KeepAlive);
+            bench.wait_ms(10);
+        }
+        assert!(bench.board.now_us > start_us + 100_000 && bench.state().is_live());
+        assert!(bench.board.preloads.iter().all(|it| it.period.has_no_windows()), "{between:?}");
+    }
+}
+
 /// A late request to clear a fault does not clear a newer one.
 #[test]
 fn a_fault_is_cleared_by_its_number() {

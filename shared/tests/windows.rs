@@ -357,6 +357,25 @@ fn a_sequence_is_refused_as_a_whole() {
     );
 }
 
+/// Whatever start a host asks for, even one whose clocks do not fit into 64 bits, it gets an answer.
+#[test]
+fn a_start_that_is_too_far_away_is_refused() {
+    let mut bench = Bench::new();
+    bench.arm_and_await_armed();
+    let latest_us = bench.board.now_us + 10_000_000;
+    for start_us in [latest_us + 1, 1 << 40, u64::MAX / 170, u64::MAX / 170 + 10_000_000, 1 << 60, u64::MAX] {
+        let Request::PlayWindows(asked) = make_play_windows_request(1, &make_click_windows()) else { panic!() };
+        let reply = bench.send_request(&Request::PlayWindows(WindowSequence { start_us, ..asked }));
+        assert!(
+            matches!(reply, Reply::Refused(Refusal::Start { start_us: told, .. }) if told == start_us),
+            "{reply:?}"
+        );
+    }
+    let Request::PlayWindows(asked) = make_play_windows_request(1, &make_click_windows()) else { panic!() };
+    let reply = bench.send_request(&Request::PlayWindows(WindowSequence { start_us: latest_us, ..asked }));
+    assert!(matches!(reply, Reply::WindowsPlaying { .. }), "{reply:?}");
+}
+
 /// A window that cannot be prepared in time would come at another time: everything goes off.
 #[test]
 fn a_missed_window_is_a_fault() {

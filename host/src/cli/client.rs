@@ -8,6 +8,7 @@ use crate::certificate;
 use crate::connection::{DaemonRoute, HostPort, client_config, describe_redirect};
 use crate::daemon::{OtherTarget, QuietZone, TouchRequest};
 use crate::doctor::reach::RequestTrouble;
+use crate::effects::NamedEffect;
 use crate::planner::Weigh;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -109,6 +110,10 @@ fn format_touch_answer(answer: &Value) -> String {
                     read_number_or_nan(&played["peak_most_g"]),
                 ),
             };
+            if name == NamedEffect::DoubleClick.name() && windows > 0 {
+                let weaker_g = read_number_or_nan(&played["peak_least_g"]);
+                let _ = write!(text, "; peak of the weaker one of the two clicks: {weaker_g:.3} g");
+            }
             if let Some(limit) = text_of(&effect["limited_by"]) {
                 let _ = write!(text, "; limited by {limit}");
             }
@@ -467,5 +472,8 @@ mod tests {
         let text = format_touch_answer(&answer);
         assert!(text.contains("1600.0 V\nclick of 30 ms, peak 0.450 g") && !text.contains("911.9"), "{text}");
         assert!(text.ends_with("limited by voltage of left"), "{text}");
+        answer["device"]["effect"]["name"] = json!("double_click");
+        answer["device"]["effect"]["windows"] = json!([{}, {}]);
+        assert!(format_touch_answer(&answer).contains("; peak of the weaker one of the two clicks: 0.400 g; limited"));
     }
 }

@@ -2,6 +2,7 @@
 
 use super::facts::{BoardReport, Clock, Supply};
 use super::finding::Finding;
+use era_shared::circuit::BLEEDER_OHMS;
 use era_shared::protocol::CURRENT_VERSION;
 
 /// The board's oscillator is within 1 % (10 000 ppm) of its value.
@@ -126,7 +127,17 @@ fn judge_rails(supply: &Supply, state: Option<&str>) -> Finding {
                     the rails rise; `era serve --idle-s` keeps the board armed and the rails charged for longer";
         return Finding::ok("supply", format!("{found}; {cost}"));
     }
-    Finding::ok("supply", format!("{found}; the board is {}", state.unwrap_or("in an unknown state")))
+    let state = state.unwrap_or("in an unknown state");
+    if supply.rail_v.iter().any(|volts| *volts > CHARGED_V) {
+        // Two bleeders for each rail, one of which is its divider: 2 V^2 / R in W.
+        let bleeders_mw: f64 = supply.rail_v.iter().map(|volts| 2e3 * volts * volts / f64::from(BLEEDER_OHMS)).sum();
+        let cost = format!(
+            "the rails stay charged until the board is disarmed, and lose {bleeders_mw:.0} mW in their bleeders; \
+             `era serve --idle-s` sets after how many seconds without a touch the daemon disarms the board"
+        );
+        return Finding::ok("supply", format!("{found}; the board is {state}; {cost}"));
+    }
+    Finding::ok("supply", format!("{found}; the board is {state}"))
 }
 
 fn judge_clock(clock: Clock) -> Finding {

@@ -75,9 +75,12 @@ impl Device {
         let ready_us = now_us + self.rails_settling_us(rails);
         let sequencer = self.sequencer.as_mut().ok_or(Refusal::State { state, event: SafetyEvent::Drive })?;
         let asked_us = if sequence.start_us == 0 { ready_us } else { sequence.start_us };
+        if asked_us < ready_us || asked_us > now_us.saturating_add(EARLIEST_US) {
+            return Err(Refusal::Start { start_us: asked_us, now_us });
+        }
         let earliest = sequencer.earliest_sequence_start_clock(used, now_us);
         let start = sequencer.clocks_since_start(asked_us).max(if sequence.start_us == 0 { earliest } else { 0 });
-        if start < earliest || asked_us < ready_us || asked_us > now_us.saturating_add(EARLIEST_US) {
+        if start < earliest {
             return Err(Refusal::Start { start_us: asked_us, now_us });
         }
         self.check_burst_and_credit_of_windows(limits, &placed, rails, start, now_us)?;

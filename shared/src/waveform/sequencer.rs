@@ -274,10 +274,10 @@ impl Sequencer {
         }
     }
 
-    /// The board's time in clocks since the start.
+    /// The board's time in clocks since the start; at most [`u64::MAX`], because a host may name any time.
     #[must_use]
     pub const fn clocks_since_start(&self, time_us: u64) -> u64 {
-        time_us.saturating_sub(self.started_us) * self.clocks_per_us
+        time_us.saturating_sub(self.started_us).saturating_mul(self.clocks_per_us)
     }
 
     /// The board's time in us of a clock since the start, rounded down.

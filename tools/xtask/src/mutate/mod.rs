@@ -250,6 +250,8 @@ fn run_tests_of_shared_crate_with_time_limit(bench: &Workbench, limit_s: &str) -
         // A mistake can make a test run for ever. Sound, all of them take seconds once they are compiled.
         Command::new("timeout")
             .current_dir(&bench.tree)
+            // A case that failed with one mistake would be tried with all that follow, and may fail without any.
+            .env("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "true")
             .args([limit_s, "cargo", "test", "--manifest-path", "shared/Cargo.toml", "--no-fail-fast", "--target-dir"])
             .arg(bench.target.join("shared")),
     )?;
