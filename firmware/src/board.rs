@@ -21,8 +21,6 @@ const _: () = assert!(CHANNEL_LIMITS.timer_clock_hz == TIMER_CLOCK_HZ);
 
 /// Clocks in a us.
 const CLOCKS_PER_US: u64 = TIMER_CLOCK_HZ as u64 / 1_000_000;
-/// A preload nearer than this to its boundary, in us, is too late: writing it takes 2 us.
-const TOO_LATE_US: u64 = 5;
 /// Least time in which a counter is looked at again when it seems to stand.
 const COUNT_WAIT: Duration = Duration::from_micros(20);
 
@@ -217,17 +215,17 @@ impl Board for Stm32Board {
     }
 
     fn set_timers_connected_to_electrodes(&mut self, connected: bool) -> Result<(), FaultCode> {
-        cortex_m::interrupt::free(|_| {
+        cortex_m::interrupt::free(|masked| {
             if let Some((code, _)) = trip::take_trip() {
                 return Err(code);
             }
             if connected {
                 // Still low: outputs that MOE switches off are driven low, and TIM4 runs blank periods.
-                outputs::set_timers_connected_to_electrodes(true);
+                outputs::set_timers_connected_to_electrodes(masked, true);
                 timers::set_main_outputs(true);
             } else {
                 timers::set_main_outputs(false);
-                outputs::set_timers_connected_to_electrodes(false);
+                outputs::set_timers_connected_to_electrodes(masked, false);
             }
             self.connected = connected;
             Ok(())
@@ -237,14 +235,14 @@ impl Board for Stm32Board {
     fn write_preload_and_check_read_back(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
         let Some(loaded) = self.loaded.get_mut(preload.channel) else { return Err(FaultCode::DriveFailed) };
         // With interrupts masked for 2 us, so that nothing comes between the look at the clock and the last register.
-        cortex_m::interrupt::free(|_| {
+        cortex_m::interrupt::free(|masked| {
             let now_us = Instant::now().as_micros().saturating_sub(self.started_us);
-            if (now_us + TOO_LATE_US) * CLOCKS_PER_US > preload.at {
+            if preload.is_too_late_to_write(now_us, CLOCKS_PER_US) {
                 // Its place in time is lost, and with it the phase.
                 return Err(FaultCode::DriveFailed);
             }
             *loaded = preload.period;
-            if timers::write_preload_and_check_read_back(preload.channel, &preload.period) {
+            if timers::write_preload_and_check_read_back(masked, preload.channel, &preload.period) {
                 Ok(())
             } else {
                 Err(FaultCode::ReadBack)

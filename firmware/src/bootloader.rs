@@ -26,7 +26,7 @@ struct NoteCell(UnsafeCell<MaybeUninit<[u32; 2]>>);
 // SAFETY: written only with interrupts masked on the way to a reset, read only at the start before anything else runs.
 unsafe impl Sync for NoteCell {}
 
-#[unsafe(link_section = ".uninit.bootloader_note")]
+#[unsafe(link_section = ".kept.bootloader_note")]
 static NOTE: NoteCell = NoteCell(UnsafeCell::new(MaybeUninit::uninit()));
 
 /// Between the request and the reset, in ms: the answer goes out meanwhile. At 115 200 baud the short frame takes 2 ms,

@@ -113,7 +113,7 @@ pub fn test_permit_line_comparators_and_break_interrupt() -> Result<(), FaultFin
         .and_then(|()| COMPARATORS.iter().try_for_each(test_that_comparator_clears_outputs_and_permit))
         .and_then(|()| test_interlock_and_stop_loop_comparators())
         .and_then(|()| test_break_interrupt_notes_trip_and_switches_off());
-    cortex_m::interrupt::free(|_| permit::set_permit(false));
+    cortex_m::interrupt::free(|masked| permit::set_permit(masked, false));
     timers::set_main_outputs(false);
     timers::clear_break_flags();
     result
@@ -122,7 +122,7 @@ pub fn test_permit_line_comparators_and_break_interrupt() -> Result<(), FaultFin
 /// Tests that the permit's line is low without the permit and high with it. The permit is left given.
 fn test_line_level_follows_permit_and_leave_permit_given() -> Result<(), FaultFinding> {
     permit::check_line_level_matches_permit()?;
-    cortex_m::interrupt::free(|_| permit::set_permit(true));
+    cortex_m::interrupt::free(|masked| permit::set_permit(masked, true));
     match permit::check_line_level_matches_permit() {
         // A comparator that is tripped: the tests of the comparators find which.
         Err(_) if permit::is_withdrawn_by_break() => Ok(()),
@@ -170,8 +170,8 @@ pub fn test_over_voltage_inputs(charged: [bool; RAILS]) -> Result<(), FaultFindi
         let mut both = OVER_VOLTAGE.into_iter();
         let stuck = both.find(|comparator| !poll_within_trip_time(|| !comparator.is_tripped()));
         timers::clear_break_flags();
-        // The trip has withdrawn the permit, for less than a contact or the supply needs to follow.
-        permit::set_main_output_enable_of_permit_timer(true);
+        // The trip has withdrawn the permit, if it was given, for less than a contact or the supply needs to follow.
+        permit::set_main_output_enable_of_permit_timer(permit::is_given());
         timers::set_break_interrupt(true);
         tripped.and(stuck.map_or(Ok(()), |comparator| Err(comparator.number + DETAIL_NOT_RELEASED)))
     });

@@ -29,7 +29,7 @@ struct NoteCell(UnsafeCell<MaybeUninit<[u32; 2]>>);
 // SAFETY: accessed at boot only, before any task or interrupt.
 unsafe impl Sync for NoteCell {}
 
-#[unsafe(link_section = ".uninit.running_note")]
+#[unsafe(link_section = ".kept.running_note")]
 static NOTE: NoteCell = NoteCell(UnsafeCell::new(MaybeUninit::uninit()));
 
 /// Whether a dip of the supply that memory has survived has reset the chip. Power that was off for a moment counts as a dip: the chip cannot

@@ -40,7 +40,7 @@ struct NoteCell(UnsafeCell<MaybeUninit<FailureNote>>);
 // SAFETY: written only with interrupts masked on the way to a reset, read only at boot before any task runs.
 unsafe impl Sync for NoteCell {}
 
-#[unsafe(link_section = ".uninit.fault_note")]
+#[unsafe(link_section = ".kept.fault_note")]
 static NOTE: NoteCell = NoteCell(UnsafeCell::new(MaybeUninit::uninit()));
 
 impl FailureNote {

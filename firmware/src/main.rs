@@ -64,7 +64,7 @@ fn main() -> ! {
     let previous_run = run_record::read_run_record_of_previous_run();
     let failure = identity::take_previous_failure(reset_cause, previous_run.is_some_and(|run| run.is_live));
     let peripherals = clocks::init_chip_and_clocks();
-    priorities::lower_time_and_link_interrupt_priorities();
+    priorities::disable_unused_interrupts_and_lower_time_and_link_priorities();
     outputs::init_electrode_and_supply_pins_low();
     rails::init_rail_dac_at_zero();
     comparators::init_comparators_and_await_settling();

@@ -6,6 +6,7 @@
 use crate::pins::{self, ELECTRODES, Pin};
 use crate::poll::{PAD_SETTLING, poll_within};
 use crate::{permit, rails, timers};
+use cortex_m::interrupt::CriticalSection;
 use embassy_stm32::pac::RCC;
 use embassy_stm32::pac::gpio::vals::{Moder, Ot, Pupdr};
 use embassy_stm32::pac::gpio::{Gpio, regs};
@@ -76,9 +77,9 @@ pub fn init_electrode_and_supply_pins_low() {
     }
 }
 
-/// Lets the timers reach the electrodes' pins, or takes the pins from them. To be called with interrupts masked: the break
-/// interrupt must not come between the read and the write of a port's mode.
-pub fn set_timers_connected_to_electrodes(connected: bool) {
+/// Lets the timers reach the electrodes' pins, or takes the pins from them. Interrupts are masked, as `_masked` shows: the break interrupt must
+/// not come between the read and the write of a port's mode.
+pub fn set_timers_connected_to_electrodes(_masked: &CriticalSection, connected: bool) {
     for electrode in ELECTRODES.iter().flatten() {
         let Pin { port, number } = electrode.pin;
         port.bsrr().write(|w| w.set_br(number, true));

@@ -9,6 +9,7 @@ use crate::pins::{PERMIT, Pin, TimerPin};
 use crate::poll::{PAD_SETTLING, poll_within};
 use crate::timers::{AF1_COMPARATORS, BDTR_LOCKED, BDTR_MOE};
 use core::sync::atomic::{AtomicBool, Ordering};
+use cortex_m::interrupt::CriticalSection;
 use embassy_stm32::pac;
 use embassy_stm32::pac::RCC;
 use embassy_stm32::pac::gpio::vals::Moder;
@@ -45,9 +46,10 @@ pub fn init_permit_timer_with_permit_withdrawn() {
     TIMER.bdtr().write_value(regs::BdtrAdv(BDTR_LOCKED));
 }
 
-/// Gives or withdraws the permit. A permit that a break has withdrawn is not given again before software has withdrawn it too. To be called with
-/// interrupts masked: the break interrupt must not come between the read and the write of the port's mode.
-pub fn set_permit(given: bool) {
+/// Gives or withdraws the permit. A permit that a break has withdrawn is not given again before software has withdrawn it too. Interrupts are
+/// masked, as `_masked` shows: the break interrupt must not come between the read and the write of the port's mode, nor between the look
+/// at a waiting trip and the permit.
+pub fn set_permit(_masked: &CriticalSection, given: bool) {
     if given == GIVEN.load(Ordering::Relaxed) {
         return;
     }
@@ -82,6 +84,12 @@ pub fn set_main_output_enable_of_permit_timer(enabled: bool) {
 pub fn is_line_high() -> bool {
     let Pin { port, number } = PERMIT.pin;
     port.idr().read().0 & (1 << number) != 0
+}
+
+/// Whether software has given the permit.
+#[must_use]
+pub fn is_given() -> bool {
+    GIVEN.load(Ordering::Relaxed)
 }
 
 /// Whether a break has withdrawn the permit that software has given.

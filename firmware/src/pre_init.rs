@@ -3,13 +3,13 @@
 //! * Every write arrives before the next instruction (ACTLR.DISDEFWBUF). With the write buffer, a handler that ends while a write waits may be
 //!   followed by the handler of another interrupt than the one that is due (Cortex-M4 erratum 838869). Arm's errata notice names this setting
 //!   for programs without a memory protection unit, as this one; so it holds for the handlers of the libraries too.
-//! * The first write to SRAM after a reset may be lost (errata sheet ES0430; its text was not at hand). One that nobody needs comes first: the
-//!   start-up code's own first write is a return address.
+//! * The first write to SRAM after a reset may be lost (errata sheet ES0430; its text was not at hand). One that nobody needs comes first, to the
+//!   CCM SRAM and to SRAM1: the start-up code's own first writes are a return address and variables.
 //! * Memory holds anything at all after power-on. Where the option byte SRAM_PE has turned parity on, also after new option bytes have been loaded,
-//!   reading a word that was never written is an NMI, which would be noted, and end in a reset, for ever. So what the start-up code does not write
-//!   itself is written first there: what keeps notes over a reset (`.uninit`; a dip of the supply is then not told from a rest), and the stack, as
-//!   code may copy variables whose values do not matter. It takes 8 clocks of 16 MHz for each 8 bytes, 7 ms. Parity covers the first 32 KiB of
-//!   SRAM1 and the CCM SRAM (RM0440, section 2.4).
+//!   reading a word that was never written is an NMI, which would be noted, and end in a reset, for ever. Parity covers the first 32 KiB of
+//!   SRAM1 and the CCM SRAM (RM0440, section 2.4). In the first are the variables, all of which the start-up code writes. The second begins
+//!   the stack, and is written here, as code may copy variables whose values do not matter: 8 clocks of 16 MHz for each 8 bytes, 2 ms. What
+//!   outlasts a reset (`.kept`) is in neither.
 
 use core::arch::global_asm;
 
@@ -24,6 +24,8 @@ global_asm!(
     "__pre_init:",
     "    movs r0, #0",
     "    str r0, [sp, #-8]",
+    "    ldr r1, =__sdata",
+    "    str r0, [r1]",
     "    ldr r1, =0xE000E008", // ICB_ACTLR
     "    movs r2, #2",         // DISDEFWBUF
     "    str r2, [r1]",
@@ -36,8 +38,7 @@ global_asm!(
     "    ldr r1, [r1]",
     "    lsls r1, r1, #7", // SRAM_PE
     "    bmi 2f",
-    "    ldr r1, =__suninit",
-    "    bic r1, r1, #7", // What is below is written later.
+    "    ldr r1, =0x20018000", // CCM SRAM
     "    mov r2, sp",
     "    movs r3, #0",
     "1:  cmp r1, r2",

@@ -1,5 +1,6 @@
 //! Set-points of the two rails, from DAC1.
 
+use cortex_m::interrupt::CriticalSection;
 use embassy_stm32::pac::dac::vals::Mode;
 use embassy_stm32::pac::{DAC1, RCC};
 use era_shared::supply::RAILS;
@@ -30,8 +31,9 @@ pub fn init_rail_dac_at_zero() {
 }
 
 /// Sets a rail: 0 to 4095 for 0 to 3.3 V at the pin, which asks the supply for the highest rail voltage
-/// ([`era_shared::supply::rail_dac_code`]). The supply's own limit must not be above that.
-pub fn set_rail_code(rail: usize, code: u16) {
+/// ([`era_shared::supply::rail_dac_code`]). The supply's own limit must not be above that. Interrupts are masked, as `_masked` shows: a trip must
+/// not come between the look at a waiting trip and the set-point.
+pub fn set_rail_code(_masked: &CriticalSection, rail: usize, code: u16) {
     DAC1.dhr12r(rail).write(|w| w.set_dhr(code));
 }
 
@@ -39,7 +41,7 @@ pub fn set_rail_code(rail: usize, code: u16) {
 pub fn set_all_rails_to_zero() {
     if RCC.ahb2enr().read().dac1en() {
         for rail in 0..RAILS {
-            set_rail_code(rail, 0);
+            DAC1.dhr12r(rail).write(|w| w.set_dhr(0));
         }
     }
 }

@@ -35,7 +35,7 @@ struct RecordCell(UnsafeCell<MaybeUninit<[RunRecord; 2]>>);
 // SAFETY: written by the device task alone, read at boot before it starts.
 unsafe impl Sync for RecordCell {}
 
-#[unsafe(link_section = ".uninit.run_record")]
+#[unsafe(link_section = ".kept.run_record")]
 static RECORDS: RecordCell = RecordCell(UnsafeCell::new(MaybeUninit::uninit()));
 
 fn pointers_to_record_copies() -> [*mut RunRecord; 2] {

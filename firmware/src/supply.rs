@@ -9,7 +9,7 @@ use era_shared::supply::{SupplyCommand, rail_dac_code};
 /// the trip.
 pub fn apply_supply_command_or_off_if_tripped(command: &SupplyCommand) {
     // With interrupts masked, so that a trip comes before or after all of it.
-    cortex_m::interrupt::free(|_| {
+    cortex_m::interrupt::free(|masked| {
         let tripped = trip::peek_trip_code().is_some();
         let enabled = command.enabled && !tripped;
         if enabled && !is_pin_set_high(HIGH_VOLTAGE_ENABLE) {
@@ -21,13 +21,13 @@ pub fn apply_supply_command_or_off_if_tripped(command: &SupplyCommand) {
             set_pin_level(HIGH_VOLTAGE_ENABLE, false);
             watchdog::set_watchdog_frozen_in_debug_and_freeze_timers(true);
         }
-        permit::set_permit(command.permitted && !tripped);
+        permit::set_permit(masked, command.permitted && !tripped);
         for (rail, (pin, closed)) in DISCHARGE_OPEN.into_iter().zip(command.discharge).enumerate() {
             let millivolts = command.set_point_millivolts.get(rail).copied().unwrap_or(0);
             // The self-test opens the switch and keeps the set-point with the supply disabled or the permit withdrawn, to see that each of
             // them is enough.
             set_pin_level(pin, !tripped && !closed);
-            rails::set_rail_code(rail, if tripped { 0 } else { rail_dac_code(millivolts) });
+            rails::set_rail_code(masked, rail, if tripped { 0 } else { rail_dac_code(millivolts) });
         }
         if enabled {
             set_pin_level(HIGH_VOLTAGE_ENABLE, true);

@@ -8,6 +8,7 @@
 //! reset (BDTR.LOCK = 3): firmware that has run astray cannot unhook them. Hence nothing may write BDTR before [`init_timers_and_lock_break_routing`].
 
 use crate::pins::CHANNELS;
+use cortex_m::interrupt::CriticalSection;
 use embassy_stm32::pac;
 use embassy_stm32::pac::RCC;
 use embassy_stm32::pac::timer::{TimAdv, TimGp16, regs};
@@ -142,10 +143,10 @@ pub fn enable_break_interrupt_and_start_timers_if_registers_hold() -> bool {
     holds
 }
 
-/// Writes a period to a running timer's preload registers, which take effect together, and returns whether they hold it. To be
-/// called with interrupts masked.
+/// Writes a period to a running timer's preload registers, which take effect together, and returns whether they hold it. Interrupts are masked,
+/// as `_masked` shows.
 #[must_use]
-pub fn write_preload_and_check_read_back(channel: usize, period: &TimerPeriod) -> bool {
+pub fn write_preload_and_check_read_back(_masked: &CriticalSection, channel: usize, period: &TimerPeriod) -> bool {
     let Some(timer) = view_channel_timer_as_general_purpose(channel) else { return false };
     let registers = registers_for_period(channel, period);
     // Should an update event come after all in between, it must not take over half of it.

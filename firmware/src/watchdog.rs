@@ -66,7 +66,7 @@ struct RecordCell(UnsafeCell<MaybeUninit<CheckInRecord>>);
 // SAFETY: only used as the atomics that it consists of.
 unsafe impl Sync for RecordCell {}
 
-#[unsafe(link_section = ".uninit.watchdog_record")]
+#[unsafe(link_section = ".kept.watchdog_record")]
 static RECORD: RecordCell = RecordCell(UnsafeCell::new(MaybeUninit::uninit()));
 
 fn get_record_of_check_in_times() -> &'static CheckInRecord {

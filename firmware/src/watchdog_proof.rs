@@ -27,7 +27,7 @@ struct NoteCell(UnsafeCell<MaybeUninit<[u32; 2]>>);
 unsafe impl Sync for NoteCell {}
 
 /// The note and its complement: memory holds anything at all after power-on.
-#[unsafe(link_section = ".uninit.watchdog_proof")]
+#[unsafe(link_section = ".kept.watchdog_proof")]
 static NOTE: NoteCell = NoteCell(UnsafeCell::new(MaybeUninit::uninit()));
 
 /// Reads of the status register before giving up, as in `watchdog.rs`; the clock is 16 MHz here, so that this is 12 ms.

@@ -63,8 +63,11 @@ pub const TOLERANCE_PERCENT: u32 = 20;
 /// How far a resistance may be from its nominal value, in per cent.
 pub const RESISTANCE_TOLERANCE_PERCENT: u32 = 5;
 
-/// Time in ms in which the supply follows a new set-point: its time constant.
-pub const SUPPLY_LAG_MS: u32 = 5;
+/// Time in ms in which the supply follows a step of its set-point from 10 to 90 %.
+pub const SUPPLY_RISE_MS: u32 = 5;
+/// The same as a time constant, in us: 5 ms / ln 9. It falls as fast. A slower one would feed a rail against its closed discharge switch when the
+/// set-point is lowered, with up to 2 kV / 1 Mohm, which the board takes for an over-current.
+pub const SUPPLY_TIME_CONSTANT_MICROSECONDS: u32 = SUPPLY_RISE_MS * 1_000 * 1_000 / 2_197;
 
 /// 1000 ln(2000 V / 60 V): how many time constants a rail takes from its highest voltage to a harmless one.
 const FULL_DISCHARGE_PERMILLE: u64 = 3_507;

@@ -35,6 +35,10 @@ const _: () = assert!(
     "circuit.rs has the logarithm of the ratio of these two voltages"
 );
 const _: () = assert!(SWITCHED_DISCHARGE_MS < 20 && BLEEDER_MS < DISCHARGE_LIMIT_MS);
+// A rail whose set-point was lowered while its supply is enabled has as long as its discharge switch needs. The supply, which feeds the rail through
+// less than the switch's resistance, has to be down to 40 V above any set-point by then: after ln(2000 V / 40 V) = 3.913 time constants.
+const _: () = assert!(RAIL_TOLERANCE_MILLIVOLTS == 40_000);
+const _: () = assert!(3_913 * (circuit::SUPPLY_TIME_CONSTANT_MICROSECONDS / 1_000 + 1) < 1_000 * SWITCHED_DISCHARGE_MS);
 
 /// Soft start: the most that a set-point rises, in mV per ms. 20 V/ms charges 2.26 nF with 45 uA, an eleventh of what the supply
 /// may deliver.
@@ -78,14 +82,14 @@ pub const TEST_PAUSE_MICROSECONDS: u32 = 200;
 const _: () = assert!(TEST_PAUSE_MICROSECONDS * 1_000 > LEAST_GUARD_NANOSECONDS);
 /// Longest time in ms for a rail to reach [`TEST_MILLIVOLTS`]: 3 ms of slope, and ten times what the supply takes to follow.
 pub const TEST_LIMIT_MS: u32 = 60;
-const _: () = assert!(TEST_LIMIT_MS >= TEST_MILLIVOLTS / RAIL_SLOPE_MILLIVOLTS_PER_MS + 10 * circuit::SUPPLY_LAG_MS);
+const _: () = assert!(TEST_LIMIT_MS >= TEST_MILLIVOLTS / RAIL_SLOPE_MILLIVOLTS_PER_MS + 10 * circuit::SUPPLY_RISE_MS);
 
 /// Measured and set voltage may differ by this many parts in a hundred ...
 pub const RAIL_TOLERANCE_PERCENT: u32 = 10;
 /// ... or by this many mV if that is more (one part in fifty of full scale: converter and divider), ...
 pub const RAIL_TOLERANCE_MILLIVOLTS: u32 = 40_000;
 /// A rail that rises may be behind its set-point by as much more, in mV: what the slope makes while the supply follows.
-pub const RISING_TOLERANCE_MILLIVOLTS: u32 = RAIL_SLOPE_MILLIVOLTS_PER_MS * circuit::SUPPLY_LAG_MS;
+pub const RISING_TOLERANCE_MILLIVOLTS: u32 = RAIL_SLOPE_MILLIVOLTS_PER_MS * circuit::SUPPLY_RISE_MS;
 /// ... for this many ms, before the measurement or the supply counts as broken. A ms in which they agree takes back a quarter of a ms
 /// in which they do not, so that a measurement that is right only now and then does not pass.
 pub const IMPLAUSIBLE_AFTER_MS: u32 = 50;

@@ -23,10 +23,9 @@ fn a_session_from_hello_to_disarm() {
     assert_eq!(bench.state(), SafetyState::Arming);
     bench.wait_ms(support::ARMING_MS);
     assert_eq!(bench.state(), SafetyState::Armed);
-    let inputs = [Did::TestInputs([true, false]), Did::TestInputs([true; 2])];
+    let inputs = [[false; 2], [true, false], [true; 2]].map(Did::TestInputs);
     let pulses = [Electrode::A, Electrode::B].into_iter().flat_map(|it| (0..4).map(move |era| Did::Pulse(era, it)));
-    let expected: Vec<Did> =
-        [Did::TestTrips, inputs[0], inputs[1]].into_iter().chain(pulses).chain([Did::Start]).collect();
+    let expected: Vec<Did> = [Did::TestTrips].into_iter().chain(inputs).chain(pulses).chain([Did::Start]).collect();
     assert_eq!(bench.board.log[2..], expected);
     // Amid the idle periods of 1 ms: at their boundaries nothing is preloaded.
     bench.board.now_us += 500;

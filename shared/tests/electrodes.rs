@@ -2,6 +2,7 @@
 
 mod support;
 
+use era_shared::circuit::SUPPLY_TIME_CONSTANT_MICROSECONDS;
 use era_shared::protocol::*;
 use era_shared::safety::SafetyState;
 use era_shared::waveform::{Effect, Electrode, SequenceWindow};
@@ -21,16 +22,20 @@ fn any_parts() -> impl Strategy<Value = Parts> {
         prop_oneof![Just(f64::INFINITY), Just(50e6)],
         end(1.0, 0.02),
         prop_oneof![Just(0.0), Just(-3.9), Just(3.9)],
+        prop_oneof![Just(500.0), Just(f64::from(SUPPLY_TIME_CONSTANT_MICROSECONDS))],
     )
-        .prop_map(|(rail, electrodes, bleeder_ohms, leakage_ohms, current_gain, current_offset_microamps)| Parts {
-            rail_picofarads: rail,
-            electrode_picofarads: electrodes,
-            bleeder_ohms,
-            leakage_ohms,
-            current_gain,
-            current_offset_microamps,
-            ..Parts::default()
-        })
+        .prop_map(
+            |(rail, electrodes, bleeder_ohms, leakage_ohms, current_gain, current_offset_microamps, follow_us)| Parts {
+                rail_picofarads: rail,
+                electrode_picofarads: electrodes,
+                bleeder_ohms,
+                leakage_ohms,
+                current_gain,
+                current_offset_microamps,
+                follow_us,
+                ..Parts::default()
+            },
+        )
 }
 
 fn any_drive(channel: u8) -> impl Strategy<Value = ChannelDrive> {

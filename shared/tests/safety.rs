@@ -204,14 +204,16 @@ const OFF: (bool, [bool; 2], [u32; 2]) = (false, [true; 2], [0; 2]);
 fn the_self_test_passes_in_order() {
     let mut test = SelfTest::new(0, 2);
     assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 0, [300, 0])), OFF);
-    assert_eq!(advance_self_test(&mut test, 9, [59, 59]), SelfTestVerdict::TryTrips);
+    assert_eq!(advance_self_test(&mut test, 6, [59, 59]), SelfTestVerdict::TryTrips);
+    assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 7, [40, 12])), OFF);
+    assert_eq!(advance_self_test(&mut test, 9, [15, 15]), SelfTestVerdict::TryOverVoltageInputs([false; 2]));
     assert_eq!(
-        supply_command_of_verdict(advance_self_test(&mut test, 10, [40, 40])),
+        supply_command_of_verdict(advance_self_test(&mut test, 10, [10, 3])),
         (true, [false, true], [50, 0]),
         "rail 1 alone"
     );
     assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 11, [20, 40])), (true, [false, true], [50, 0]));
-    assert_eq!(advance_self_test(&mut test, 13, [48, 10]), SelfTestVerdict::TryOverVoltageInputs([true, false]));
+    assert_eq!(advance_self_test(&mut test, 13, [48, 15]), SelfTestVerdict::TryOverVoltageInputs([true, false]));
     assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 14, [50, 4])), (true, [false; 2], [50; 2]));
     assert_eq!(advance_self_test(&mut test, 17, [50, 45]), SelfTestVerdict::TryOverVoltageInputs([true; 2]));
     assert_eq!(
@@ -225,7 +227,7 @@ fn the_self_test_passes_in_order() {
         let verdict = advance_self_test(&mut test, at_ms, volts);
         assert_eq!(verdict, SelfTestVerdict::Continue(discharge), "now the switches, by their own lines");
     }
-    assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 31, [14, 12])), (true, [false; 2], [50; 2]));
+    assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 31, [15, 15])), (true, [false; 2], [50; 2]));
     for at_ms in [34, 35] {
         let SelfTestVerdict::Continue(supply) = advance_self_test(&mut test, at_ms, [48, 48]) else { panic!() };
         let withdrawn = SupplyCommand { permitted: false, ..CHARGED };
@@ -251,6 +253,7 @@ fn the_self_test_passes_in_order() {
 fn nothing_may_flow_before_and_after_the_electrodes() {
     let with = |microamps: u32| SensorReadings { average_microamps: microamps, ..make_readings(50_000) };
     let mut test = SelfTest::new(0, 1);
+    advance_self_test(&mut test, 0, [0, 0]);
     advance_self_test(&mut test, 0, [0, 0]);
     advance_self_test(&mut test, 1, [0, 0]);
     advance_self_test(&mut test, 2, [50, 0]);
@@ -332,15 +335,26 @@ fn each_way_to_fail_the_self_test_has_its_code() {
     assert_eq!(test.advance(0, &make_readings(0), false), SelfTestVerdict::Continue(SupplyCommand::OFF));
     assert_eq!(test.advance(1_000, &make_readings(0), true), SelfTestVerdict::TryTrips);
 
+    // After the trips the rails have to be where the over-voltage comparators do not see them.
+    let mut test = SelfTest::new(0, 2);
+    assert_eq!(advance_self_test(&mut test, 0, [59, 0]), SelfTestVerdict::TryTrips);
+    assert_eq!(failed(advance_self_test(&mut test, 13, [0, 16])), None);
+    assert_eq!(failed(advance_self_test(&mut test, 14, [0, 16])), Some((FaultCode::DischargeSlow, 20_016)));
     let at_first = || {
         let mut test = SelfTest::new(0, 2);
+        advance_self_test(&mut test, 0, [0; 2]);
         advance_self_test(&mut test, 0, [0; 2]);
         advance_self_test(&mut test, 1, [0; 2]);
         test
     };
+    // Too high a rail ends it at once: nothing else would, for the time that a rail has to come up.
+    for (volts, detail) in [([66, 0], 10_066), ([2_000, 0], 12_000), ([50, 66], 20_066)] {
+        let seen = failed(advance_self_test(&mut at_first(), 2, volts));
+        assert_eq!(seen, Some((FaultCode::RailImplausible, detail)), "{volts:?}");
+    }
+    assert_eq!(failed(advance_self_test(&mut at_first(), 2, [65, 0])), None);
     for (volts, finding) in [
         ([10, 0], (FaultCode::ShortCircuit, 1)),
-        ([90, 0], (FaultCode::ShortCircuit, 1)),
         // The measurements are exchanged, or the rails hang together.
         ([0, 50], (FaultCode::SelfTest, 2_002)),
         ([50, 50], (FaultCode::SelfTest, 2_002)),
@@ -355,7 +369,12 @@ fn each_way_to_fail_the_self_test_has_its_code() {
         assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 6, [50, 0])), (true, [false; 2], [50; 2]));
         test
     };
-    for (volts, detail) in [([50, 10], 2), ([34, 50], 1), ([66, 50], 1)] {
+    assert_eq!(
+        failed(advance_self_test(&mut at_both(), 7, [50, 66])),
+        Some((FaultCode::RailImplausible, 20_066)),
+        "of both"
+    );
+    for (volts, detail) in [([50, 10], 2), ([34, 50], 1)] {
         assert_eq!(
             failed(advance_self_test(&mut at_both(), 67, volts)),
             Some((FaultCode::ShortCircuit, detail)),

@@ -5,7 +5,8 @@ mod support;
 
 use era_shared::protocol::ChannelDrive;
 use era_shared::waveform::{
-    ChannelGoal, Effect, Electrode, FULL_STRENGTH, ModelTimers, OutputPair, Pulse, Segment, compute_channel_program,
+    ChannelGoal, Effect, Electrode, FULL_STRENGTH, IDLE, ModelTimers, OutputPair, Pulse, Segment, TimerPreload,
+    compute_channel_program,
 };
 use proptest::prelude::*;
 use support::make_channel_limits;
@@ -20,6 +21,20 @@ struct Timers {
     model: ModelTimers,
     pulses: Vec<Vec<Pulse>>,
     now_us: u64,
+}
+
+/// Registers that are written later than 5 us before their boundary may take effect a period too late.
+#[test]
+fn a_preload_that_is_nearer_than_5_us_to_its_boundary_is_too_late() {
+    let at_us = |at_us: u64| TimerPreload { channel: 0, period: IDLE, at: at_us * CLOCKS_PER_US };
+    assert!(!at_us(1_000).is_too_late_to_write(900, CLOCKS_PER_US));
+    assert!(!at_us(1_000).is_too_late_to_write(995, CLOCKS_PER_US));
+    assert!(at_us(1_000).is_too_late_to_write(996, CLOCKS_PER_US));
+    assert!(at_us(1_000).is_too_late_to_write(1_001, CLOCKS_PER_US), "its boundary has passed");
+    let day_us = 86_400_000_000;
+    assert!(!at_us(day_us).is_too_late_to_write(day_us - 5, CLOCKS_PER_US));
+    assert!(at_us(day_us).is_too_late_to_write(day_us - 4, CLOCKS_PER_US));
+    assert!(at_us(1).is_too_late_to_write(u64::MAX, CLOCKS_PER_US));
 }
 
 impl Timers {

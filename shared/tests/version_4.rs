@@ -110,19 +110,20 @@ fn a_fault_is_cleared_by_its_number() {
     let mut bench = Bench::new();
     bench.board.trip = Some((FaultCode::OverCurrent, 0));
     bench.wait_ms(1);
-    let Reply::NumberedFault { number: 1, latched: Some(fault) } = bench.send_request(&Request::NumberedFault) else {
+    // Faults are counted from the boot id on, which is 7 here.
+    let Reply::NumberedFault { number: 8, latched: Some(fault) } = bench.send_request(&Request::NumberedFault) else {
         panic!()
     };
     assert_eq!(fault.code, FaultCode::OverCurrent);
-    assert_eq!(bench.send_request(&Request::ClearFault { number: 1 }), Reply::FaultsCleared);
-    assert_eq!(bench.send_request(&Request::ClearFault { number: 1 }), Reply::FaultsCleared, "repeated");
+    assert_eq!(bench.send_request(&Request::ClearFault { number: 8 }), Reply::FaultsCleared);
+    assert_eq!(bench.send_request(&Request::ClearFault { number: 8 }), Reply::FaultsCleared, "repeated");
     bench.board.trip = Some((FaultCode::EmergencyStop, 0));
     bench.wait_ms(1);
     assert_eq!(
-        bench.send_request(&Request::ClearFault { number: 1 }),
-        Reply::Refused(Refusal::OtherFault { number: 2 })
+        bench.send_request(&Request::ClearFault { number: 8 }),
+        Reply::Refused(Refusal::OtherFault { number: 9 })
     );
-    assert_eq!(bench.send_request(&Request::ClearFault { number: 2 }), Reply::FaultsCleared);
+    assert_eq!(bench.send_request(&Request::ClearFault { number: 9 }), Reply::FaultsCleared);
 }
 
 /// A link that was closed and opened again has another program at its end: the session of the one before is over.
@@ -229,15 +230,22 @@ fn credit_and_whether_it_was_live_are_kept_over_a_reset() {
     let mut next = Bench::new();
     next.board.info.kept_before_reset = Some(kept);
     next.board.info.fault_before_reset = Some((FaultCode::ResetWhileLive, 0));
+    next.board.info.boot_id = 1_000;
     next.device = era_shared::device::Device::new();
     next.device.restore_credit_and_complete_boot_to_discharging_or_fault(&mut next.board);
     let Reply::Credit(credit) = next.send_request(&Request::Credit) else { panic!() };
     assert_eq!(credit.channels[0].left_ms, credit_ms[0]);
     assert_eq!(next.state(), SafetyState::Fault);
-    let Reply::NumberedFault { number: 1, latched: Some(fault) } = next.send_request(&Request::NumberedFault) else {
+    let Reply::NumberedFault { number: 1_001, latched: Some(fault) } = next.send_request(&Request::NumberedFault)
+    else {
         panic!()
     };
     assert_eq!(fault.code, FaultCode::ResetWhileLive);
+    // A late request of the run before does not clear it.
+    assert_eq!(
+        next.send_request(&Request::ClearFault { number: 8 }),
+        Reply::Refused(Refusal::OtherFault { number: 1_001 })
+    );
     bench.send_request(&Request::Stop);
     assert_eq!(bench.board.kept.map(|run| run.is_live), Some(false), "at once, and not a ms later");
 }

@@ -2,6 +2,7 @@
 
 mod support;
 
+use era_shared::circuit::SUPPLY_TIME_CONSTANT_MICROSECONDS;
 use era_shared::protocol::*;
 use era_shared::safety::SafetyState;
 use era_shared::supply::rail_index_of_channel;
@@ -355,6 +356,41 @@ fn a_sequence_is_refused_as_a_whole() {
         bench.send_request_on_link(1, &make_play_windows_request(1, &make_click_windows())),
         Reply::Refused(Refusal::OtherLink)
     );
+}
+
+/// A supply as slow as it may be holds its rail up while it falls itself, against the discharge switch: the board waits for both, and does not
+/// take the rail for a wrong one.
+#[test]
+fn windows_wait_for_a_slow_supply_whose_rail_is_lowered() {
+    for volts in [60, 100, 200, 400, 500, 700, 1_000, 1_500] {
+        let mut bench = Bench::new();
+        bench.board.circuit.parts.follow_us = f64::from(SUPPLY_TIME_CONSTANT_MICROSECONDS);
+        bench.arm_and_await_armed();
+        let drive = ChannelDrive { voltage_millivolts: 2_000_000, ..make_drive(0) };
+        bench.send_request(&Request::SetDrives { drives: Short::from_slice(&[drive]).unwrap() });
+        for _ in 0..20 {
+            bench.wait_ms(10);
+            bench.send_request(&Request::KeepAlive);
+        }
+        assert!(bench.board.circuit.rails[0] > 1_990_000.0, "{:?}", bench.board.circuit.rails);
+        let Request::PlayWindows(asked) = make_play_windows_request(1, &make_click_windows()) else { panic!() };
+        let rail_millivolts = [volts * 1_000, 50_000];
+        let windows = asked.windows.iter().filter(|window| window.channel == 0).copied().collect();
+        let asked = WindowSequence { rail_millivolts, windows, ..asked };
+        let reply = bench.send_request(&Request::PlayWindows(asked));
+        let Reply::WindowsPlaying { start_us } = reply else { panic!("{volts} V: {reply:?}") };
+        while bench.board.now_us + 1_000 < start_us {
+            bench.wait_ms(1);
+        }
+        let (is, set) = (bench.board.circuit.rails[0] / 1e3, f64::from(volts));
+        assert!(is <= 1.05 * set + 40.0, "{is} V for {set} V when the windows begin");
+        for _ in 0..10 {
+            bench.wait_ms(10);
+            bench.send_request(&Request::KeepAlive);
+        }
+        let Reply::Faults { latched } = bench.send_request(&Request::Faults) else { panic!() };
+        assert_eq!(latched, None, "{volts} V");
+    }
 }
 
 /// Whatever start a host asks for, even one whose clocks do not fit into 64 bits, it gets an answer.

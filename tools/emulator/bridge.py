@@ -231,7 +231,7 @@ class Bridge:
         Faults(self.machine).inject(command.get("inject", {}))
         self.machine.boot()
         self.anchor()
-        return {"boot_virtual_s": self.machine.time_s}
+        return {"boot_virtual_s": self.machine.time_s, "high_after_reset_s": self.machine.high_after_reset_s}
 
     def op_quit(self, _):
         self.running = False

@@ -25,6 +25,8 @@ discharge       "fails" | "line_open" | "works"                  the discharge s
 electrode       {"era": 1 to 4, "electrode": "a" | "b",          it is not there ("open"), has a short to earth ("shorted"), its
                  "is": "open" | "shorted" | "lower_open"         lower switch does not close ("lower_open") or is always closed
                  | "lower_stuck" | "works"}                      ("lower_stuck")
+tolerances      {"rail_farads": x, "electrode_ohms": y}          the rails have x times their capacitance, the resistors behind the
+                                                                 electrodes y times their resistance
 overcurrent_ma  mA                                               through the fast shunt, until set to 0
 average_ma      mA | null                                        the measured average current (null: the true one)
 pvd             "low" | "ok"                                     the board's 3.3 V against the voltage detector
@@ -49,7 +51,7 @@ heal            true                                             all but the las
 
 from chip import EXCEPTIONS, FLASH, FLASH_BYTES, FLASH_OPTR, IRQ_TIM2, IRQ_UNUSED, NVIC_ICER, NVIC_IPR, NVIC_ISER, VTOR, pend
 from pins import PINS
-from supply import LOOP_CLOSED_V, LOOP_OPEN_V, LOOP_SHORTED_V
+from supply import LOOP_CLOSED_V, LOOP_OPEN_V, LOOP_SHORTED_V, RAIL_FARADS
 
 # Code of two handlers, put into the last words of the flash, which no image reaches: Thumb `b .` and `udf #0`, twice each.
 HANDLERS = {"loop": (FLASH + FLASH_BYTES - 8, 0xE7FE_E7FE), "undefined": (FLASH + FLASH_BYTES - 4, 0xDE00_DE00)}
@@ -134,6 +136,10 @@ class Faults:
         self.machine.supply.broken.pop(place, None)
         if one_of(value["is"], "open", "shorted", "lower_open", "lower_stuck", "works") != "works":
             self.machine.supply.broken[place] = value["is"]
+
+    def do_tolerances(self, value):
+        self.machine.supply.rail_farads = RAIL_FARADS * float(value["rail_farads"])
+        self.machine.supply.electrode_ohms = float(value["electrode_ohms"])
 
     def do_overcurrent_ma(self, value):
         self.machine.supply.shunt_a = float(value) * 1e-3

@@ -102,6 +102,11 @@ class DetectorLock:
         elif now & DETECTOR != self.kept:
             self.sim.write_u32(PWR_CR2, now & ~DETECTOR | self.kept)
 
+    def adopt(self, address, value):
+        """A register that has changed without a write."""
+        if address == PWR_CR2:
+            self.kept = value & DETECTOR
+
 
 class Locks:
     """Those of all timers with a break, and of the voltage detector."""
@@ -116,5 +121,6 @@ class Locks:
             lock.step()
 
     def adopt(self, address, value):
+        self.detector.adopt(address, value)
         for lock in self.locks:
             lock.adopt(address, value)

@@ -20,7 +20,7 @@ from electrodes import Electrodes
 from entry import align_stack
 from lock import Locks
 from lsi import Lsi
-from pins import Pins
+from pins import HAZARDOUS, Pins
 from protection import Protection
 from sensing import Sensing
 from supply import Supply
@@ -75,8 +75,8 @@ class Machine:
         self.clock_base = 0
         self.cycles_base = 0
         self.resets = []
-        # How many of them belong to the start after power-up.
-        self.start_resets = 0
+        # How many of them belong to the start after power-up, and how long after one of them a pad that can energise something was high.
+        self.start_resets, self.high_after_reset_s = 0, 0.0
         self.fit("power_on")
         self.paint_stack()
 
@@ -133,6 +133,9 @@ class Machine:
             if self.time_s > end:
                 raise RuntimeError(f"the firmware is not up after {BOOT_LIMIT_S} s of its own time")
             self.run_slice(SLICE)
+            if any(self.pins.is_high(*pin) for pin in HAZARDOUS):
+                # Nothing is passed over meanwhile: since the last reset, all clocks are carried-out ones.
+                self.high_after_reset_s = max(self.high_after_reset_s, self.sim.cycles / CLOCK_HZ)
         self.start_resets = len(self.resets)
 
     def stir(self):

@@ -25,6 +25,8 @@ PINS = {
     "high_voltage_enable": HIGH_VOLTAGE_ENABLE, "discharge1": DISCHARGE_OPEN[0], "discharge2": DISCHARGE_OPEN[1],
     "heartbeat": ("C", 12), "permit": PERMIT[:2],
 }
+# Those that can energise something.
+HAZARDOUS = [pin for name, pin in PINS.items() if name != "heartbeat"]
 
 # Those that a timer can drive: port and number -> timer, channel, alternate function.
 TIMER_PINS = {

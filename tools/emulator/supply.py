@@ -10,8 +10,8 @@ rail's capacitance, which the supply then replaces.
 import math
 
 FULL_SCALE_V = 2000.0
-# How fast the supply follows its set-point, and a rail its supply through this resistor.
-FOLLOW_S = 2e-3
+# How fast the supply follows its set-point (from 10 to 90 % of a step in 5 ms), and a rail its supply through this resistor.
+FOLLOW_S = 5e-3 / math.log(9)
 RAIL_FARADS = 1.8e-9
 SOURCE_OHM = 47e3
 # One electrode with its cable and switches in F; what charges and discharges it, and what a short behind it leaves, in ohm.
@@ -46,6 +46,8 @@ class Supply:
 
     def heal(self):
         """No faults."""
+        # Capacitance of a rail in F, and the resistances behind an electrode relative to their nominal values.
+        self.rail_farads, self.electrode_ohms = RAIL_FARADS, 1.0
         # Levels of the loops in V, with 3.3 V of supply.
         self.interlock_level_v = LOOP_CLOSED_V
         self.emergency_stop_level_v = LOOP_CLOSED_V
@@ -97,13 +99,13 @@ class Supply:
                 # A closed switch does not stop the supply: 47 kohm against 1 Mohm.
                 closed_siemens = 1 / DISCHARGE_OHM if discharges else 0.0
                 siemens = 1 / SOURCE_OHM + closed_siemens
-                after = approach(before, (self.followed[rail] / SOURCE_OHM - load_a) / siemens, seconds, RAIL_FARADS / siemens)
+                after = approach(before, (self.followed[rail] / SOURCE_OHM - load_a) / siemens, seconds, self.rail_farads / siemens)
                 leaving_a = before * (1 / BLEEDERS_OHM + closed_siemens) + load_a
-                charge += max((after - before) * RAIL_FARADS + leaving_a * seconds, 0.0)
+                charge += max((after - before) * self.rail_farads + leaving_a * seconds, 0.0)
             elif discharges:
-                after = approach(before, 0.0, seconds, DISCHARGE_S)
+                after = approach(before, 0.0, seconds, DISCHARGE_OHM * self.rail_farads)
             else:
-                after = approach(before, 0.0, seconds, LEAKAGE_S) - load_a * seconds / RAIL_FARADS
+                after = approach(before, 0.0, seconds, BLEEDERS_OHM * self.rail_farads) - load_a * seconds / self.rail_farads
             if self.held[rail] is not None:
                 after = self.held[rail]
             self.rails[rail] = max(after, 0.0)
@@ -118,15 +120,15 @@ class Supply:
         if is_broken == "open":
             return
         if high and is_broken in ("shorted", "lower_stuck"):
-            resistance = UPPER_OHM + (LOWER_OHM if is_broken == "lower_stuck" else 0.0)
+            resistance = self.electrode_ohms * (UPPER_OHM + (LOWER_OHM if is_broken == "lower_stuck" else 0.0))
             drawn_a[rail] += self.rails[rail] / resistance
         elif high:
-            both = ELECTRODE_FARADS * RAIL_FARADS / (ELECTRODE_FARADS + RAIL_FARADS)
-            charge = (self.rails[rail] - volts) * both * (1.0 - math.exp(-seconds / (UPPER_OHM * both)))
+            both = ELECTRODE_FARADS * self.rail_farads / (ELECTRODE_FARADS + self.rail_farads)
+            charge = (self.rails[rail] - volts) * both * (1.0 - math.exp(-seconds / (self.electrode_ohms * UPPER_OHM * both)))
             self.electrodes[electrode] = volts + charge / ELECTRODE_FARADS
-            self.rails[rail] -= charge / RAIL_FARADS
+            self.rails[rail] -= charge / self.rail_farads
         elif volts and is_broken != "lower_open":
-            self.electrodes[electrode] = approach(volts, 0.0, seconds, LOWER_OHM * ELECTRODE_FARADS) if volts > 1e-3 else 0.0
+            self.electrodes[electrode] = approach(volts, 0.0, seconds, self.electrode_ohms * LOWER_OHM * ELECTRODE_FARADS) if volts > 1e-3 else 0.0
 
     def measured_rail(self, rail):
         """What the divider shows, in V."""

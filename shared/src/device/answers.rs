@@ -313,8 +313,14 @@ impl Device {
             if still_there {
                 return Err(Refusal::StillThere(fault.code));
             }
-            if self.still_charged && encode_first_charged_rail_as_fault_detail_if_any(&readings).is_some() {
-                return Err(Refusal::StillThere(FaultCode::DischargeFailed));
+            if let Some(_charged) = encode_first_charged_rail_as_fault_detail_if_any(&readings) {
+                // Also where another fault came first.
+                if self.still_charged {
+                    return Err(Refusal::StillThere(FaultCode::DischargeFailed));
+                }
+                if self.discharges_slowly {
+                    return Err(Refusal::StillThere(FaultCode::DischargeSlow));
+                }
             }
         }
         self.handle_safety_event(board, SafetyEvent::Clear, &Goals::default()).map(|()| Reply::FaultsCleared)

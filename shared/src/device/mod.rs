@@ -137,6 +137,7 @@ impl Device {
         // Only Boot accepts this event, so a second call changes nothing but switches off once more.
         let now_us = board.now_us();
         let _ = self.safety.apply_event(SafetyEvent::BootComplete);
+        self.safety.number_faults_after_boot_id(board.info().boot_id);
         self.off_since_us = now_us;
         if let Some(kept) = board.info().kept_before_reset {
             self.budget.restore_credit(kept.credit_ms);
@@ -211,9 +212,10 @@ impl Device {
         detail: u32,
         now_us: u64,
     ) {
-        // Off before anything is noted down.
-        self.switch_all_off(board, now_us);
+        // Part of what the next start is told.
         self.distrusted |= code.casts_doubt_on_rail_measurement();
+        // Off before anything else is noted down.
+        self.switch_all_off(board, now_us);
         let _off_already = self.safety.latch_fault(code, detail, now_us);
     }
 

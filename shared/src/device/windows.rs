@@ -3,7 +3,7 @@
 use super::{Device, Goals};
 use crate::MAX_CHANNELS;
 use crate::board::Board;
-use crate::circuit::{ELECTRODE_PICOFARADS, SUPPLY_LAG_MS, add_percent, both_bleeders_of_one_rail_microamps};
+use crate::circuit::{ELECTRODE_PICOFARADS, SUPPLY_RISE_MS, add_percent, both_bleeders_of_one_rail_microamps};
 use crate::limits::{
     MAX_AVERAGE_MICROAMPS, RAIL_SLOPE_MILLIVOLTS_PER_MS, SEQUENCE_CURRENT_SPAN_MS, SWITCHED_DISCHARGE_MS,
 };
@@ -14,8 +14,8 @@ use crate::supply::{
 };
 use crate::waveform::{PlacedWindows, SEQUENCE_TICK_CLOCKS, SequenceError};
 
-/// From the time at which a set-point is reached until the rail has followed, in us: twice what the supply takes.
-const SETTLING_US: u64 = 2_000 * SUPPLY_LAG_MS as u64;
+/// From the time at which a set-point is reached until the rail has followed, in us: twice the supply's rise time.
+const SETTLING_US: u64 = 2_000 * SUPPLY_RISE_MS as u64;
 /// A sequence may be asked for this long before its start, in us.
 const EARLIEST_US: u64 = 10_000_000;
 /// A channel counts as driving at most this long before a window, in us, rounded up from 8.4 ms: its period is preloaded when a blank

@@ -17,12 +17,17 @@ const DETAIL_ENABLE: u32 = 2_010;
 /// Detail of [`FaultCode::Permit`]: a rail keeps its voltage although the permit is withdrawn; plus the rail's number, from 1.
 const DETAIL_NOT_WITHDRAWN: u32 = 20;
 
+/// More than this has no rail in the self-test, in mV.
+const HIGHEST_TEST_MILLIVOLTS: u32 = TEST_MILLIVOLTS + TEST_TOLERANCE_MILLIVOLTS;
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum SelfTestPhase {
     /// Rails discharged, loops closed.
     Discharge,
-    /// Comparators and breaks can trip.
+    /// Comparators and breaks can trip; then the rails fall below what the over-voltage comparators are tried with.
     Trips,
+    /// The over-voltage comparators see no rail.
+    OverVoltageInputs,
     /// Rail 1 follows a small set-point, and rail 2 does not.
     FirstRail,
     /// Rail 2 is to be charged as well.
@@ -47,6 +52,16 @@ enum SelfTestPhase {
         /// First electrode A of every channel, then electrode B, so that the rails take turns and recover meanwhile.
         place: usize,
     },
+}
+
+const fn is_absent(rail_millivolts: u32) -> bool {
+    rail_millivolts <= TEST_ABSENT_MILLIVOLTS
+}
+
+/// The first rail that is still charged: 10 000 x its number, from 1, plus V; 0 if none is.
+fn encode_first_rail_not_absent(readings: &SensorReadings) -> u32 {
+    let mut rails = (1_u32..).zip(readings.rail_millivolts);
+    rails.find(|(_, rail)| !is_absent(*rail)).map_or(0, |(number, millivolts)| number * 10_000 + millivolts / 1000)
 }
 
 /// What the caller has to do next.
@@ -104,11 +119,17 @@ impl SelfTest {
         let elapsed_us = now_us.saturating_sub(self.since_us);
         let has_lasted = |ms: u32| elapsed_us > u64::from(ms) * 1000;
         let is_charged = |rail: u32| rail.abs_diff(TEST_MILLIVOLTS) <= TEST_TOLERANCE_MILLIVOLTS;
-        let is_absent = |rail: u32| rail <= TEST_ABSENT_MILLIVOLTS;
         let [first, second] = readings.rail_millivolts;
         let are_both_charged = is_charged(first) && is_charged(second);
         let draws_nothing = readings.average_microamps <= TEST_MICROAMPS;
         let is_first_or_last = |place: usize| place == 0 || place == 2 * self.channels;
+        // A set-point that is stuck high: before the over-voltage comparators have been tried, nothing else ends it.
+        let excessive = (1_u32..).zip(readings.rail_millivolts).find(|(_, rail)| *rail > HIGHEST_TEST_MILLIVOLTS);
+        if let Some((rail, millivolts)) = excessive
+            && !matches!(self.phase, SelfTestPhase::Discharge)
+        {
+            return SelfTestVerdict::Failed((FaultCode::RailImplausible, rail * 10_000 + millivolts / 1000));
+        }
         match self.phase {
             SelfTestPhase::Discharge if first.max(second) < DISCHARGED_MILLIVOLTS && rails_trusted => {
                 self.enter_phase(SelfTestPhase::Trips, now_us);
@@ -119,7 +140,15 @@ impl SelfTest {
                 encode_first_charged_rail_as_fault_detail_if_any(readings).unwrap_or(0),
             )),
             SelfTestPhase::Discharge => SelfTestVerdict::Continue(SupplyCommand::OFF),
-            SelfTestPhase::Trips => {
+            SelfTestPhase::Trips if is_absent(first) && is_absent(second) => {
+                self.enter_phase(SelfTestPhase::OverVoltageInputs, now_us);
+                SelfTestVerdict::TryOverVoltageInputs([false, false])
+            }
+            SelfTestPhase::Trips if has_lasted(SWITCHED_DISCHARGE_MS) => {
+                SelfTestVerdict::Failed((FaultCode::DischargeSlow, encode_first_rail_not_absent(readings)))
+            }
+            SelfTestPhase::Trips => SelfTestVerdict::Continue(SupplyCommand::OFF),
+            SelfTestPhase::OverVoltageInputs => {
                 // Whoever tried them has raised a fault if they cannot.
                 self.enter_phase(SelfTestPhase::FirstRail, now_us);
                 SelfTestVerdict::Continue(CHARGE_FIRST)
@@ -189,9 +218,7 @@ impl SelfTest {
                 SelfTestVerdict::Continue(CHARGE)
             }
             SelfTestPhase::DischargeSwitches if has_lasted(SWITCHED_DISCHARGE_MS) => {
-                let rails = (1_u32..).zip(readings.rail_millivolts);
-                let detail = { rails }.find(|(_, rail)| !is_absent(*rail)).map_or(0, |(n, mv)| n * 10_000 + mv / 1000);
-                SelfTestVerdict::Failed((FaultCode::DischargeSlow, detail))
+                SelfTestVerdict::Failed((FaultCode::DischargeSlow, encode_first_rail_not_absent(readings)))
             }
             SelfTestPhase::DischargeSwitches => SelfTestVerdict::Continue(DISCHARGE),
             SelfTestPhase::Permit if is_absent(first) && is_absent(second) => {

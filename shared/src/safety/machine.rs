@@ -35,7 +35,7 @@ struct ArmedSession {
 pub struct SafetyMachine {
     state: SafetyState,
     fault: Option<Fault>,
-    /// How many faults were latched so far.
+    /// The number of the fault that was latched last.
     fault_number: u32,
     session: Option<ArmedSession>,
 }
@@ -65,7 +65,13 @@ impl SafetyMachine {
         self.fault
     }
 
-    /// The number of the fault that was latched last: faults that were latched so far, from 1; 0 if there was none.
+    /// Has faults be numbered from the one after `boot_id`, which differs from start to start: whoever clears a fault of an earlier run by its
+    /// number does not clear one of this run.
+    pub const fn number_faults_after_boot_id(&mut self, boot_id: u32) {
+        self.fault_number = boot_id;
+    }
+
+    /// The number of the fault that was latched last: the boot id plus how many faults were latched since the start.
     #[must_use]
     pub const fn sequence_number_of_last_latched_fault(&self) -> u32 {
         self.fault_number

@@ -17,7 +17,7 @@ use super::watch::ConditionTime;
 use super::{FaultFinding, RAILS, SensorReadings, SupplyCommand, rail_index_of_channel};
 use crate::MAX_CHANNELS;
 use crate::circuit::{
-    BLEEDER_OHMS, ELECTRODE_PICOFARADS, LEAKAGE_OHMS, RAIL_PICOFARADS, RESISTANCE_TOLERANCE_PERCENT, SUPPLY_LAG_MS,
+    BLEEDER_OHMS, ELECTRODE_PICOFARADS, LEAKAGE_OHMS, RAIL_PICOFARADS, RESISTANCE_TOLERANCE_PERCENT, SUPPLY_RISE_MS,
     TOLERANCE_PERCENT, add_percent, subtract_percent,
 };
 use crate::limits::{
@@ -30,12 +30,12 @@ use crate::waveform::ElectrodeCharges;
 /// How late the measured current may be, in us, as the time constant of a lag: 5 ms of the supply, 1 ms of the filter, 1 ms of the
 /// converter's mean, and a ms from one look to the next; twice that, since nothing of it may come later. A power of two.
 const LATE_MICROSECONDS: u64 = 1 << 14;
-const _: () = assert!(LATE_MICROSECONDS >= 2 * (1_000 * SUPPLY_LAG_MS as u64 + 3_000));
+const _: () = assert!(LATE_MICROSECONDS >= 2 * (1_000 * SUPPLY_RISE_MS as u64 + 3_000));
 /// Two looks that are further apart than this, in us, are not compared: the measured current is the mean of the last ms.
 const LONGEST_STEP_US: u64 = 2_500;
 /// After a discharge switch has been closed nothing is compared for so long, in us: it takes an unknown charge, and opens within a ms;
 /// 5 ms for the supply that pushes against it, and the filter.
-const AFTER_DISCHARGE_US: u64 = 1_000 * SUPPLY_LAG_MS as u64 + 3_000;
+const AFTER_DISCHARGE_US: u64 = 1_000 * SUPPLY_RISE_MS as u64 + 3_000;
 /// A channel whose electrodes have not been charged for so long, in us, has no charges that are on their way: the longest period, at whose end
 /// its charges are counted, and three times the mean's time, of which 5 % of their weight is left.
 const FORGOTTEN_US: u64 = 1_000_000 + 3 * ELECTRODE_MEAN_MICROSECONDS;

@@ -42,6 +42,17 @@ pub struct TimerPreload {
     pub at: u64,
 }
 
+/// A preload nearer than this to its boundary, in us, is too late: writing it takes 2 us.
+const TOO_LATE_US: u64 = 5;
+
+impl TimerPreload {
+    /// Whether less than 5 us are left until it takes effect, `elapsed_us` after the timers' start.
+    #[must_use]
+    pub const fn is_too_late_to_write(&self, elapsed_us: u64, clocks_per_us: u64) -> bool {
+        elapsed_us.saturating_add(TOO_LATE_US).saturating_mul(clocks_per_us) > self.at
+    }
+}
+
 /// What a channel is to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChannelGoal {

@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 
 /// Clocks of a timer in a us.
 const CLOCKS_PER_US: f64 = 170.0;
-/// How fast the supply follows its set-point, and how fast a rail follows the supply: 47 kohm and 1.8 nF; in us.
+/// How fast a quick supply follows its set-point, and how fast a rail follows the supply: 47 kohm and 1.8 nF; in us.
 const FOLLOW_US: f64 = 500.0;
 const SOURCE_US: f64 = 85.0;
 /// A closed discharge switch: 1 Mohm.
@@ -51,6 +51,8 @@ pub struct Parts {
     /// What is measured of 1 uA, and of nothing, in uA.
     pub current_gain: f64,
     pub current_offset_microamps: f64,
+    /// Time constant in us with which the supply follows its set-point, up and down.
+    pub follow_us: f64,
 }
 
 impl Default for Parts {
@@ -63,6 +65,7 @@ impl Default for Parts {
             leakage_ohms: f64::INFINITY,
             current_gain: 1.0,
             current_offset_microamps: 0.0,
+            follow_us: FOLLOW_US,
         }
     }
 }
@@ -278,11 +281,12 @@ impl Circuit {
             let (feeds, closed) = self.feeds_and_discharges(supply, rail);
             let (volts, follows) = (&mut self.rails[rail], &mut self.follows[rail]);
             let set = f64::from(supply.set_point_millivolts[rail]);
-            *follows = if feeds { *follows + (set - *follows) * after(FOLLOW_US) } else { *volts };
+            *follows = if feeds { *follows + (set - *follows) * after(parts.follow_us) } else { *volts };
             let bleeds = 1.0 / (1.0 / parts.bleeder_ohms + 1.0 / parts.leakage_ohms);
-            if closed {
+            if closed && !(feeds && *follows >= *volts) {
                 *volts -= *volts * after(DISCHARGE_OHMS * parts.rail_picofarads * 1e-6);
             } else if feeds && *follows >= *volts {
+                // A closed switch does not hold a supply: 47 kohm against 1 Mohm.
                 let charge = (*follows - *volts) * parts.rail_picofarads * after(SOURCE_US);
                 *volts += charge / parts.rail_picofarads;
                 // mV over ohm and times us is 1e6 fC.

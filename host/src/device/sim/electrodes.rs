@@ -2,6 +2,7 @@
 
 use super::rails::SimRail;
 use era_shared::MAX_CHANNELS;
+use era_shared::circuit::{BLEEDER_OHMS, ELECTRODE_OHMS, ELECTRODE_PICOFARADS, LOWER_SWITCH_OHMS, RAIL_PICOFARADS};
 use era_shared::limits::{TEST_PAUSE_MICROSECONDS, TEST_PULSE_MICROSECONDS, TEST_PULSES};
 use era_shared::safety::ElectrodePulses;
 use era_shared::supply::{RAILS, rail_index_of_channel};
@@ -9,12 +10,12 @@ use era_shared::waveform::Electrode;
 use std::collections::VecDeque;
 
 /// Capacitance of a rail without its electrodes, and of one electrode with its cable and switches, in F.
-const RAIL_F: f64 = 1.8e-9;
-const ELECTRODE_F: f64 = 116e-12;
+const RAIL_F: f64 = RAIL_PICOFARADS as f64 * 1e-12;
+const ELECTRODE_F: f64 = ELECTRODE_PICOFARADS[0] as f64 * 1e-12;
 /// Resistance in ohm that charges an electrode, that discharges it through its lower switch, and of the two bleeders of a rail.
-const UPPER_OHM: f64 = 1e6;
-const LOWER_OHM: f64 = 1e5;
-const BLEEDERS_OHM: f64 = 50e6;
+const UPPER_OHM: f64 = ELECTRODE_OHMS as f64;
+const LOWER_OHM: f64 = LOWER_SWITCH_OHMS as f64;
+const BLEEDERS_OHM: f64 = BLEEDER_OHMS as f64 / 2.0;
 /// Time constant of the filter of the average current, and the time of the converter's mean behind it, in s.
 const FILTER_S: f64 = 1e-3;
 const MEAN_S: f64 = 1e-3;

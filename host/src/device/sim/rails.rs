@@ -1,15 +1,20 @@
 //! The simulated high-voltage rails: first-order, exact in time.
 
+use era_shared::circuit::{
+    BLEEDER_OHMS, DISCHARGE_OHMS, ELECTRODE_PICOFARADS, RAIL_PICOFARADS, SUPPLY_TIME_CONSTANT_MICROSECONDS,
+};
 use era_shared::supply::{RAILS, SupplyCommand};
 
-/// Time constant in s with which the supply brings a rail up to its set-point: a common module's rise time of 5 ms.
-const RISE_S: f64 = 2e-3;
-/// Time constant of the closed discharge switch in s: 2.26 nF and 1 Mohm. 2 kV are below 60 V after 8 ms.
-const DISCHARGE_S: f64 = 2.26e-3;
-/// Time constant of the two bleeders in s: 2.26 nF and 50 Mohm.
-const BLEED_S: f64 = 0.113;
-/// Time constant of a short in s: 1 nF through 10 kohm of series resistor.
-const SHORT_S: f64 = 1e-5;
+/// Capacitance of a rail in F with the electrodes of two channels.
+const LOADED_RAIL_F: f64 = (RAIL_PICOFARADS + 2 * (ELECTRODE_PICOFARADS[0] + ELECTRODE_PICOFARADS[2])) as f64 * 1e-12;
+/// Time constant in s with which the supply brings a rail up to its set-point.
+const RISE_S: f64 = SUPPLY_TIME_CONSTANT_MICROSECONDS as f64 * 1e-6;
+/// Time constant of the closed discharge switch in s. 2 kV are below 60 V after 8 ms.
+const DISCHARGE_S: f64 = DISCHARGE_OHMS as f64 * LOADED_RAIL_F;
+/// Time constant of the two bleeders in s.
+const BLEED_S: f64 = BLEEDER_OHMS as f64 / 2.0 * LOADED_RAIL_F;
+/// Time constant of a short in s: the rail through 10 kohm of series resistor.
+const SHORT_S: f64 = 1e4 * LOADED_RAIL_F;
 
 /// A voltage on its way, exponentially, to where it is drawn.
 #[derive(Clone, Copy, Debug)]

@@ -98,9 +98,22 @@ impl EmulatedBoard {
     /// # Errors
     /// [`Error::Bridge`].
     pub fn power_cycle_with_fault_and_time_boot_ms(&mut self, fault: &Value) -> Result<f64, Error> {
+        Ok(self.restart_with_fault(fault)?["boot_virtual_s"].as_f64().unwrap_or(f64::NAN) * 1e3)
+    }
+
+    /// Power off and on, with resistors missing that hold pins low; for how long after a reset a pad that can energise something was high, in ms.
+    ///
+    /// # Errors
+    /// [`Error::Bridge`].
+    pub fn power_cycle_without_pull_downs_and_time_high_pads_ms(&mut self) -> Result<f64, Error> {
+        let answer = self.restart_with_fault(&json!({"pull_downs": "missing"}))?;
+        Ok(answer["high_after_reset_s"].as_f64().unwrap_or(f64::NAN) * 1e3)
+    }
+
+    fn restart_with_fault(&mut self, fault: &Value) -> Result<Value, Error> {
         let answer = self.bridge.send_command(&json!({"op": "restart", "inject": fault}))?;
         self.edges = PinEdges::default();
-        Ok(answer["boot_virtual_s"].as_f64().unwrap_or(f64::NAN) * 1e3)
+        Ok(answer)
     }
 
     /// One request.

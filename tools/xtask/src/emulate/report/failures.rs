@@ -33,6 +33,12 @@ const PARITY_ON: u32 = DELIVERED & !(1 << 24);
 /// The part of the stack that the firmware may use, and steps in which words of the rest are looked at, in bytes.
 const STACK_IN_USE: u32 = 16 * 1024;
 const STACK_STEP: usize = 1_020;
+/// After a reset, in ms: the start-up code prepares memory before the firmware's first lines.
+const PINS_LOW_MS: f64 = 1.0;
+/// The first word of each copy of the run's record ("RARE" in the order of memory).
+const RECORD_MAGIC: u32 = 0x4552_4152;
+/// The CCM SRAM behind the other memory (RM0440, section 2.2): it has parity, and the stack begins at its end.
+const CCM_SRAM: u32 = 0x2001_8000;
 /// What memory is filled with: nothing that the firmware writes.
 const FILLING: u32 = 0x6B8B_4567;
 
@@ -121,6 +127,61 @@ pub fn check_restart_after_injected_processor_failures(board: &mut EmulatedBoard
     table.run_part_adding_row_on_error("start: watchdog tried", |table| {
         add_rows_of_watchdog_self_test_at_start(board, table)
     });
+    table.run_part_adding_row_on_error("start: pins", |table| add_row_of_pins_low_while_starting(board, table));
+    table.run_part_adding_row_on_error("start: boot id", |table| add_row_of_boot_ids_of_two_starts(board, table));
+    for copy in 0..2 {
+        let name = format!("reset while copy {} of the run's record is written", copy + 1);
+        table.run_part_adding_row_on_error(&name, |table| {
+            add_rows_of_reset_while_record_is_written(board, table, &name, copy)
+        });
+    }
+}
+
+/// Nothing but the firmware holds the pins low: they are low from its first lines on, also while the watchdog is tried for 10 ms.
+fn add_row_of_pins_low_while_starting(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+    let high_ms = board.power_cycle_without_pull_downs_and_time_high_pads_ms()?;
+    // Above 0: before these lines, the pins do float.
+    table.add_time_range_row("start: pads high after a reset", 0.001, PINS_LOW_MS, Some(high_ms));
+    Ok(())
+}
+
+/// A host tells a board that has started again by its boot id.
+fn add_row_of_boot_ids_of_two_starts(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+    let mut read_boot_id = || -> Result<Option<u32>, Error> {
+        board.power_cycle_healing_faults()?;
+        Ok(match board.send_request(&Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION })? {
+            Reply::Welcome(welcome) => Some(welcome.boot_id),
+            _ => None,
+        })
+    };
+    let (first, second) = (read_boot_id()?, read_boot_id()?);
+    let differ = first.is_some() && second.is_some() && first != second;
+    table.add_row("start: boot ids of two starts", "differ", &format!("{first:?}, {second:?}"), differ);
+    Ok(())
+}
+
+/// A reset that comes while one copy of the run's record is written spoils it; the other one tells that the board was live.
+fn add_rows_of_reset_while_record_is_written(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+    name: &str,
+    copy: usize,
+) -> Result<(), Error> {
+    power_up_and_drive(board)?;
+    let mut copies = Vec::new();
+    for address in (board.find_symbol_address("__skept")?..board.find_symbol_address("__ekept")?).step_by(4) {
+        // A note of the supply begins with the same word, followed by its complement.
+        if board.read_memory_word(address)? == RECORD_MAGIC && board.read_memory_word(address + 4)? != !RECORD_MAGIC {
+            copies.push(address);
+        }
+    }
+    table.add_comparison_row(&format!("{name}: copies"), "2", &copies.len().to_string());
+    if let Some(address) = copies.get(copy) {
+        board.write_memory_word(*address, 0)?;
+    }
+    board.inject_fault(&json!({"reset": "pin"}))?;
+    board.advance_time(RESTARTED_S)?;
+    add_row_of_fault_state_and_latched_fault_code(board, table, name, FaultCode::ResetWhileLive)
 }
 
 /// The first start after power-on has itself reset by the watchdog. A board whose watchdog does not do that never arms.
@@ -318,60 +379,64 @@ fn add_rows_of_supply_sag_while_safe(board: &mut EmulatedBoard, table: &mut Repo
     heal_faults_and_add_rows_of_rearming(board, table, name)
 }
 
-/// With parity, memory whose words were never written cannot be read: all that outlasts resets is written first at every power-on, and what was
-/// there is not believed. Without it, the same dip of the supply is told as one ("brown-out" above).
+/// With parity, memory whose words were never written cannot be read: the stack's is written first at every power-on. What outlasts resets is
+/// where parity does not reach, so that a dip of the supply is told as one with parity, too.
 fn add_rows_of_memory_kept_over_brown_out_with_and_without_parity(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
 ) -> Result<(), Error> {
-    let name = "SRAM parity on, brown-out while live";
-    board.power_cycle_with_fault_and_time_boot_ms(&json!({"option_bytes": PARITY_ON}))?;
-    let full = read_drive_time_left_of_each_channel_ms(board)?;
-    board.arm_and_wait()?;
-    // Near the largest force, which is charged by nearly all the time that passes: a start does not earn that back.
-    let refused = board.set_drives(&[make_drive(0, 200_000, 900_000, 0, 2_000_000)])?;
-    table.add_comparison_row(&format!("{name}: drive set"), "None", &format!("{refused:?}"));
-    board.advance_time_with_keep_alives(0.3)?;
-    let spent = read_drive_time_left_of_each_channel_ms(board)?;
-    let is_spent = spent.iter().zip(&full).any(|(spent, full)| spent + 100 < *full);
-    let expected = format!("100 ms less than {full:?} ms");
-    table.add_row(&format!("{name}: credit before"), &expected, &format!("{spent:?} ms"), is_spent);
-    board.inject_fault(&json!({"reset": "brown_out"}))?;
-    board.advance_time(RESTARTED_S)?;
-    let status = board.read_status()?;
-    let seen = format!("fault {:?}, credit {:?} ms", status.fault, read_drive_time_left_of_each_channel_ms(board)?);
-    table.add_comparison_row(&format!("{name}: after it"), &format!("fault None, credit {full:?} ms"), &seen);
-    table.add_comparison_row(&format!("{name}: reset cause in the hello"), "PowerOn", &read_reset_cause(board)?);
-    let armed = board.arm_and_wait();
-    let seen = armed.as_ref().map_or_else(ToString::to_string, |()| "armed".to_owned());
-    table.add_comparison_row(&format!("{name}: arm again"), "armed", &seen);
-
+    for (name, options) in
+        [("SRAM parity on, brown-out while live", PARITY_ON), ("SRAM parity off, brown-out while live", DELIVERED)]
+    {
+        board.power_cycle_with_fault_and_time_boot_ms(&json!({"option_bytes": options}))?;
+        let full = read_drive_time_left_of_each_channel_ms(board)?;
+        board.arm_and_wait()?;
+        // Near the largest force, which is charged by nearly all the time that passes: a start does not earn that back.
+        let refused = board.set_drives(&[make_drive(0, 200_000, 900_000, 0, 2_000_000)])?;
+        table.add_comparison_row(&format!("{name}: drive set"), "None", &format!("{refused:?}"));
+        board.advance_time_with_keep_alives(0.5)?;
+        let spent = read_drive_time_left_of_each_channel_ms(board)?;
+        board.inject_fault(&json!({"reset": "brown_out"}))?;
+        board.advance_time(RESTARTED_S)?;
+        let after = read_drive_time_left_of_each_channel_ms(board)?;
+        let is_kept = match (full.first(), spent.first(), after.first()) {
+            (Some(full), Some(spent), Some(after)) => spent + 200 < *full && after.abs_diff(*spent) <= 100,
+            _ => false,
+        };
+        let expected = format!("channel 0: before it 200 ms below {full:?} ms, after it within 100 ms of {spent:?} ms");
+        table.add_row(&format!("{name}: credit after it"), &expected, &format!("{after:?} ms"), is_kept);
+        add_row_of_fault_state_and_latched_fault_code(board, table, name, FaultCode::BrownOut)?;
+        table.add_comparison_row(&format!("{name}: reset cause in the hello"), "PowerOn", &read_reset_cause(board)?);
+    }
     for (name, options, reset, is_written) in [
         ("SRAM parity on, brown-out", PARITY_ON, "brown_out", true),
         ("SRAM parity on, option bytes loaded", PARITY_ON, "option_bytes", true),
         ("SRAM parity off, brown-out", DELIVERED, "brown_out", false),
     ] {
         board.power_cycle_with_fault_and_time_boot_ms(&json!({"option_bytes": options}))?;
-        let notes = board.find_symbol_address("__suninit")?..board.find_symbol_address("__euninit")?;
-        // Of the stack some words that are not in use.
-        let stack = board.find_symbol_address("_stack_end")?..board.find_symbol_address("_stack_start")? - STACK_IN_USE;
-        let words: Vec<u32> = notes.step_by(4).chain(stack.step_by(STACK_STEP)).collect();
-        for address in &words {
-            board.write_memory_word(*address, FILLING)?;
+        // Of the stack some words that are not in use, all of them in the CCM SRAM.
+        let stack_top = board.find_symbol_address("_stack_start")?;
+        for address in (CCM_SRAM..stack_top - STACK_IN_USE).step_by(STACK_STEP) {
+            board.write_memory_word(address, FILLING)?;
         }
         board.inject_fault(&json!({"reset": reset}))?;
         board.advance_time(RESTARTED_S)?;
         let mut kept = 0;
-        for &address in &words {
+        for address in (CCM_SRAM..stack_top - STACK_IN_USE).step_by(STACK_STEP) {
             kept += usize::from(board.read_memory_word(address)? == FILLING);
         }
         let expected = if is_written { "0" } else { "1 or more" };
         table.add_row(
-            &format!("{name}: words that nobody has written since"),
+            &format!("{name}: words of the stack that nobody has written since"),
             expected,
             &kept.to_string(),
             (kept == 0) == is_written,
         );
+        let notes = [board.find_symbol_address("__skept")?, board.find_symbol_address("__ekept")?];
+        // The first 32 KiB of SRAM1, and the CCM SRAM.
+        let is_without_parity = notes[0] >= 0x2000_8000 && notes[1] <= CCM_SRAM;
+        let seen = format!("{:#x} to {:#x}", notes[0], notes[1]);
+        table.add_row(&format!("{name}: what is kept"), "0x20008000 to 0x20018000", &seen, is_without_parity);
     }
     Ok(())
 }
@@ -412,5 +477,22 @@ fn add_rows_of_reset_cause_fault_and_rearming_after_restart(
     let arm = board.send_request(&Request::Arm { deadman_ms: None })?;
     let expected = Reply::Refused(Refusal::State { state: SafetyState::Fault, event: SafetyEvent::Arm });
     add_reply_row(arm, expected, table, &format!("{name}: arm before clearing"));
-    heal_faults_and_add_rows_of_rearming(board, table, name)
+    heal_faults_and_add_rows_of_rearming(board, table, name)?;
+    // What the failure left is told once: another start while nothing is live is none.
+    board.send_request(&Request::Disarm)?;
+    let safe = board.await_state_and_measure_ms(SafetyState::Safe, 100)?;
+    table.add_time_limit_row(&format!("{name}: disarmed, safe"), 100.0, safe.ok());
+    board.inject_fault(&json!({"reset": "pin"}))?;
+    board.advance_time(RESTARTED_S)?;
+    let (seen, message) = match board.send_request(&hello)? {
+        Reply::Welcome(welcome) => (format!("{:?}", welcome.reset_cause), welcome.failure.to_string()),
+        other => (format!("{other:?}"), String::new()),
+    };
+    let fault = board.read_latched_fault()?.map(|fault| fault.code);
+    table.add_comparison_row(
+        &format!("{name}: another start"),
+        "Pin, message \"\", fault None",
+        &format!("{seen}, message {message:?}, fault {fault:?}"),
+    );
+    Ok(())
 }

@@ -1,6 +1,7 @@
 //! The permit: what it takes away when the processor hangs, and the break interrupt that works beside it.
 
 use super::board::EmulatedBoard;
+use super::expected::{ALL_OFF, describe_timer_enables_output_pins_and_rail_dac_codes};
 use super::table::ReportTable;
 use super::trips::{delay_until_all_off_if_off_by_now_ms, power_up_and_drive};
 use crate::error::Error;
@@ -52,6 +53,8 @@ pub fn check_permit_line_and_hardware_trips_with_hung_processor(board: &mut Emul
         try_to_disable_locked_timer_breaks(board)?;
         add_rows_of_trip_of_hung_board(board, table, name, &interlock)
     });
+    let name = "device task hangs, then interlock opened";
+    table.run_part_adding_row_on_error(name, |table| add_row_of_break_interrupt_of_hung_device(board, table, name));
     for (name, timer, detail) in MISSING_BREAKS {
         table.run_part_adding_row_on_error(name, |table| {
             add_row_of_self_test_finding_timer_without_break_input(board, table, name, timer, detail)
@@ -61,6 +64,25 @@ pub fn check_permit_line_and_hardware_trips_with_hung_processor(board: &mut Emul
     table.run_part_adding_row_on_error(name, |table| {
         add_row_of_self_test_finding_disabled_break_interrupt(board, table, name)
     });
+}
+
+/// The break interrupt alone switches everything off, set-points too: nobody else does so before the watchdog.
+fn add_row_of_break_interrupt_of_hung_device(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+    name: &str,
+) -> Result<(), Error> {
+    power_up_and_drive(board)?;
+    board.inject_fault(&json!({"handler": {"runs": "loop", "priority": 5}}))?;
+    board.advance_time(1e-3)?;
+    board.inject_fault(&json!({"interlock": "open"}))?;
+    board.advance_time(1e-3)?;
+    table.add_comparison_row(
+        &format!("{name}: registers"),
+        ALL_OFF,
+        &describe_timer_enables_output_pins_and_rail_dac_codes(board)?,
+    );
+    Ok(())
 }
 
 /// The line is low unless a rail may be charged.

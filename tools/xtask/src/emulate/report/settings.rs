@@ -33,7 +33,7 @@ const COMP_DAC: u32 = 0x0002_0041;
 /// Enabled, against DAC4 (100), inverted, 20 mV.
 const COMP_LOOP: u32 = 0x0002_8041;
 
-const SETTINGS: [Setting; 52] = [
+const SETTINGS: [Setting; 54] = [
     new_register_setting("TIM1 BDTR", 0x4001_2C44, BDTR_MASK, BDTR),
     new_register_setting("TIM8 BDTR", 0x4001_3444, BDTR_MASK, BDTR),
     new_register_setting("TIM20 BDTR", 0x4001_5044, BDTR_MASK, BDTR),
@@ -101,6 +101,9 @@ const SETTINGS: [Setting; 52] = [
     // SMP6, SMP2 and SMP1 of the rails and the bond: 47.5 clocks. SMP18 of VREFINT: 247.5 clocks, as it takes 4 us.
     new_register_setting("ADC1 SMPR1", 0x5000_0014, 0x001C_01F8, 0x0010_0120),
     new_register_setting("ADC1 SMPR2", 0x5000_0018, 0x0700_0000, 0x0600_0000),
+    // SMP5 of ADC3 and SMP4 of ADC4, the loops: 47.5 clocks (100).
+    new_register_setting("ADC3 SMPR1", 0x5000_0414, 0x0003_8000, 0x0002_0000),
+    new_register_setting("ADC4 SMPR1", 0x5000_0514, 0x0000_7000, 0x0000_4000),
     // DBG_SLEEP, DBG_STOP, DBG_STANDBY: off in a shipped image (ES0430, 2.2.8).
     new_register_setting("DBGMCU CR", 0xE004_2004, 0b111, 0),
     // DBG_TIM1_STOP (11), TIM8 (13), TIM16 (17) and TIM20 (20): outputs with a break go off while a debugger halts the processor.
@@ -135,6 +138,20 @@ fn add_rows_of_settings(settings: &[Setting], board: &mut EmulatedBoard, table: 
     Ok(())
 }
 
+/// The numbers of the interrupts that are enabled and that no other can interrupt (PM0214, 4.3: NVIC_ISERx and NVIC_IPRx; the chip has
+/// 102 interrupts and 4 bits of priority).
+fn list_enabled_interrupts_of_highest_priority(board: &mut EmulatedBoard) -> Result<Vec<u32>, Error> {
+    let mut found = Vec::new();
+    for number in 0..102 {
+        let enabled = board.read_memory_word(0xE000_E100 + 4 * (number / 32))? >> (number % 32) & 1 == 1;
+        let priority = board.read_memory_word(0xE000_E400 + 4 * (number / 4))? >> (8 * (number % 4)) & 0xF0;
+        if enabled && priority == 0 {
+            found.push(number);
+        }
+    }
+    Ok(found)
+}
+
 /// Compares every setting, and tries thresholds from both sides.
 fn add_rows_of_settings_and_of_faults_just_within_and_beyond_limits(
     board: &mut EmulatedBoard,
@@ -147,6 +164,8 @@ fn add_rows_of_settings_and_of_faults_just_within_and_beyond_limits(
     let safe = board.await_state_and_measure_ms(SafetyState::Safe, 1000)?;
     table.add_time_limit_row("settings: stopped, safe", 1000.0, safe.ok());
     add_rows_of_settings(&SETTINGS, board, table)?;
+    let urgent = list_enabled_interrupts_of_highest_priority(board)?;
+    table.add_comparison_row("setting: enabled interrupts of priority 0", "[1, 24]", &format!("{urgent:?}"));
     // What trips and what does not: 5 % around 10 mA and 2100 V, with the hysteresis of 20 mV (0.12 mA, 15 V); a bond of 12 ohm and one of 40 ohm
     // at 330 ohm from 3.3 V.
     let thresholds = [

@@ -43,6 +43,13 @@ pub fn check_injected_trips_while_driving_and_at_arming(board: &mut EmulatedBoar
     table.run_part_adding_row_on_error("rail stays charged", |table| {
         add_rows_of_undischarged_rail_after_stop(board, table)
     });
+    let name = "interlock opened while an electrode is tried";
+    table.run_part_adding_row_on_error(name, |table| add_rows_of_trip_while_electrode_is_tried(board, table, name));
+    for (name, value) in VOLTAGE_DETECTOR_SETTINGS {
+        table.run_part_adding_row_on_error(name, |table| {
+            add_rows_of_arming_with_changed_voltage_detector(board, table, name, value)
+        });
+    }
     for register in &CHANGED_REGISTERS {
         table.run_part_adding_row_on_error(register.name, |table| add_rows_of_changed_register(board, table, register));
     }
@@ -215,6 +222,33 @@ fn list_faults_before_arming() -> Vec<(&'static str, Value, FaultCode)> {
             json!({"comparator_in": {"number": 7, "volts": 3.3}}),
             FaultCode::SelfTest,
         ),
+        // At 0 V it never sees its rail, and at 0.1 V, which is a rail of 76 V, it sees one that is discharged.
+        (
+            "arm: input of the over-voltage comparator of rail 2 not connected",
+            json!({"comparator_in": {"number": 1, "volts": 0.0}}),
+            FaultCode::SelfTest,
+        ),
+        (
+            "arm: input of the over-voltage comparator of rail 1 not connected",
+            json!({"comparator_in": {"number": 3, "volts": 0.0}}),
+            FaultCode::SelfTest,
+        ),
+        (
+            "arm: over-voltage comparator of rail 1 sees a voltage that is not its rail's",
+            json!({"comparator_in": {"number": 3, "volts": 0.1}}),
+            FaultCode::SelfTest,
+        ),
+        // The resistors behind electrodes are 5 % high and their rails have 20 % more capacitance: a short draws them down least.
+        (
+            "arm: electrode shorted, parts at their tolerances",
+            json!({"tolerances": {"rail_farads": 1.2, "electrode_ohms": 1.05}, "electrode": {"era": 2, "electrode": "a", "is": "shorted"}}),
+            FaultCode::Electrode,
+        ),
+        (
+            "arm: lower switch always closed, parts at their tolerances",
+            json!({"tolerances": {"rail_farads": 1.2, "electrode_ohms": 1.05}, "electrode": {"era": 1, "electrode": "b", "is": "lower_stuck"}}),
+            FaultCode::Electrode,
+        ),
     ]
 }
 
@@ -377,6 +411,50 @@ fn add_rows_of_undischarged_rail_after_stop(board: &mut EmulatedBoard, table: &m
     heal_faults_and_add_rows_of_rearming(board, table, name)
 }
 
+/// The self-test makes four pulses on each electrode: a trip in the first one ends all of them.
+fn add_rows_of_trip_while_electrode_is_tried(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+    name: &str,
+) -> Result<(), Error> {
+    board.power_cycle_healing_faults()?;
+    let safe = board.await_state_and_measure_ms(SafetyState::Safe, 100)?;
+    table.add_time_limit_row(&format!("{name}: safe before"), 100.0, safe.ok());
+    board.send_request(&Request::Arm { deadman_ms: Some(1_000) })?;
+    let is_any_high = |board: &mut EmulatedBoard| -> Result<bool, Error> {
+        board.advance_time(5e-5)?;
+        Ok(board.read_pins()?.iter().any(|(pin, state)| pin.starts_with("era") && state.pad))
+    };
+    let begins = (0..4_000).try_fold(false, |begun, _| Ok::<_, Error>(begun || is_any_high(board)?))?;
+    table.add_comparison_row(&format!("{name}: pulses begin"), "true", &begins.to_string());
+    board.inject_fault(&json!({"interlock": "open"}))?;
+    let pulses = (0..200).try_fold(0, |count, _| Ok::<_, Error>(count + u32::from(is_any_high(board)?)))?;
+    table.add_comparison_row(&format!("{name}: looks at an electrode that is high after it"), "0", &pulses.to_string());
+    add_row_of_fault_state_and_latched_fault_code(board, table, name, FaultCode::InterlockOpen)?;
+    heal_faults_and_add_rows_of_rearming(board, table, name)
+}
+
+/// PWR_CR2 with PVDE (0) clear, and with the lowest level in PLS (3:1), in place of 0xD (RM0440, section 6.4.2).
+const VOLTAGE_DETECTOR_SETTINGS: [(&str, u32); 2] =
+    [("arm: voltage detector off", 0xC), ("arm: voltage detector at its lowest level", 0x1)];
+
+/// The voltage detector has lost its settings while the board is safe: the self-test does not pass.
+fn add_rows_of_arming_with_changed_voltage_detector(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+    name: &str,
+    value: u32,
+) -> Result<(), Error> {
+    board.power_cycle_healing_faults()?;
+    let safe = board.await_state_and_measure_ms(SafetyState::Safe, 100)?;
+    table.add_time_limit_row(&format!("{name}: safe before"), 100.0, safe.ok());
+    board.inject_fault(&json!({"register": {"address": 0x4000_7004, "value": value}}))?;
+    board.send_request(&Request::Arm { deadman_ms: None })?;
+    let fails = board.await_state_and_measure_ms(SafetyState::Fault, 200)?;
+    table.add_time_limit_row(&format!("{name}: refused"), 200.0, fails.ok());
+    add_row_of_fault_state_and_latched_fault_code(board, table, name, FaultCode::SelfTest)
+}
+
 /// A register that protects and changes by itself, although it is locked or written once.
 struct ChangedRegister {
     name: &'static str,
@@ -440,7 +518,7 @@ const CHANGED_REGISTERS: [ChangedRegister; 19] = [
     new_changed_register("break of TIM8 disabled (BDTR)", 0x4001_3444, 0xAF00),
     new_changed_register("break of the permit disabled (TIM16_BDTR)", 0x4001_4444, 0xAF00),
     new_changed_register("comparator of the current off (COMP4_CSR)", 0x4001_020C, 0),
-    new_changed_register("comparator of rail 1 off (COMP1_CSR)", 0x4001_0200, 0),
+    new_changed_register("comparator of rail 2 off (COMP1_CSR)", 0x4001_0200, 0),
     // To full scale: 2500 V, and 20 mA.
     new_changed_register("over-voltage threshold raised (DAC3)", 0x5000_1008, 4095),
     new_changed_register("over-current threshold raised (DAC3)", 0x5000_1014, 4095),

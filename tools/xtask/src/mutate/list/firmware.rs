@@ -333,7 +333,7 @@ pub const MUTATIONS: &[Mutation] = &[
         "with parity on the stack is not written first",
         "firmware/src/pre_init.rs",
         "    \"    mov r2, sp\",",
-        "    \"    ldr r2, =__euninit\",",
+        "    \"    ldr r2, =0x20018000\",",
     )
     .with_first_check(BoardCheck::Report(ReportPart::Failures)),
     new_mutation(
@@ -384,6 +384,90 @@ pub const MUTATIONS: &[Mutation] = &[
         "    \"    tst r1, #0x08000000\",",
     )
     .with_first_check(BoardCheck::Report(ReportPart::Failures)),
+    new_mutation(
+        "the inputs of the over-voltage comparators are not tried",
+        "firmware/src/breaks.rs",
+        "poll_within_trip_time(|| comparator.is_tripped() == charged);",
+        "poll_within_trip_time(|| true || comparator.is_tripped() == charged);",
+    )
+    .with_first_check(BoardCheck::Report(ReportPart::Trips)),
+    new_mutation(
+        "the electrodes' test leaves out a pulse that its limits count",
+        "firmware/src/electrode_test.rs",
+        "        if number == 0 {",
+        "        if number == 1 {",
+    )
+    .with_first_check(BoardCheck::Report(ReportPart::Trips)),
+    new_mutation(
+        "a trip does not end the pulses of the electrodes' test",
+        "firmware/src/electrode_test.rs",
+        "            take_trip_as_error()?;\n            fail_arming_if_pin_not_low(find_electrode_not_low())?;",
+        "            fail_arming_if_pin_not_low(find_electrode_not_low())?;",
+    )
+    .with_first_check(BoardCheck::Report(ReportPart::Trips)),
+    new_mutation(
+        "pins that energise float while the watchdog is tried",
+        "firmware/src/main.rs",
+        "    // Before the clocks are set up.\n    outputs::force_outputs_off_withdraw_permit_and_stop_timers();\n",
+        "",
+    )
+    .with_first_check(BoardCheck::Report(ReportPart::Failures)),
+    new_mutation(
+        "both copies of the run's record are one",
+        "firmware/src/run_record.rs",
+        "    [first, first.wrapping_add(1)]",
+        "    [first, first.wrapping_add(0)]",
+    )
+    .with_first_check(BoardCheck::Report(ReportPart::Failures)),
+    new_mutation(
+        "the note of a failure stays after it has been told",
+        "firmware/src/fatal.rs",
+        "    unsafe { (&raw mut (*place).magic).write_volatile(0) };",
+        "    unsafe { (&raw mut (*place).magic).write_volatile(MAGIC) };",
+    )
+    .with_first_check(BoardCheck::Report(ReportPart::Failures)),
+    new_mutation(
+        "a voltage detector that is off passes the self-test",
+        "firmware/src/brown_out.rs",
+        "    control.pvde() && control.pls() == LEVEL",
+        "    control.pvde() || control.pls() == LEVEL",
+    )
+    .with_first_check(BoardCheck::Report(ReportPart::Trips)),
+    new_mutation(
+        "the UART interrupts at the priority of what switches off",
+        "firmware/src/priorities.rs",
+        "    Interrupt::LPUART1.set_priority(Priority::P3);\n",
+        "",
+    )
+    .with_first_check(BoardCheck::Report(ReportPart::Settings)),
+    new_mutation(
+        "interrupts that nobody uses are enabled",
+        "firmware/src/priorities.rs",
+        "        disable(word, !0);",
+        "        disable(word, 0);",
+    )
+    .with_first_check(BoardCheck::Report(ReportPart::Settings)),
+    new_mutation(
+        "every start has the same boot id",
+        "firmware/src/identity.rs",
+        "        boot_id: read_random_number().unwrap_or_else(derive_boot_id_without_rng),",
+        "        boot_id: read_random_number().and(None).unwrap_or_else(derive_boot_id_without_rng),",
+    )
+    .with_first_check(BoardCheck::Report(ReportPart::Failures)),
+    new_mutation(
+        "a break leaves the set-points",
+        "firmware/src/outputs.rs",
+        "    timers::stop_timers_outputs_and_break_interrupt();\n    rails::set_all_rails_to_zero();\n",
+        "    timers::stop_timers_outputs_and_break_interrupt();\n",
+    )
+    .with_first_check(BoardCheck::Report(ReportPart::Permit)),
+    new_mutation(
+        "the loops are sampled for the shortest time",
+        "firmware/src/sense.rs",
+        "converter.smpr().modify(|w| w.set_smp(input, SampleTime::CYCLES47_5));",
+        "converter.smpr().modify(|w| w.set_smp(input, SampleTime::CYCLES2_5));",
+    )
+    .with_first_check(BoardCheck::Report(ReportPart::Settings)),
     new_undetectable_mutation(
         "no write before the first return address",
         "firmware/src/pre_init.rs",

@@ -463,8 +463,8 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "after a discharge no electrode is watched for 5 s",
         "shared/src/supply/electrode_current.rs",
-        "const AFTER_DISCHARGE_US: u64 = 1_000 * SUPPLY_LAG_MS",
-        "const AFTER_DISCHARGE_US: u64 = 1_000_000 * SUPPLY_LAG_MS",
+        "const AFTER_DISCHARGE_US: u64 = 1_000 * SUPPLY_RISE_MS",
+        "const AFTER_DISCHARGE_US: u64 = 1_000_000 * SUPPLY_RISE_MS",
     ),
     new_mutation(
         "the discharge switches are tried without the permit",
@@ -483,5 +483,47 @@ pub const MUTATIONS: &[Mutation] = &[
         "shared/src/board.rs",
         ".max_by_key(|copy| (copy.is_live, copy.is_measurement_distrusted))",
         ".min_by_key(|copy| (copy.is_live, copy.is_measurement_distrusted))",
+    ),
+    new_mutation(
+        "a sequence may begin at any time",
+        "shared/src/device/windows.rs",
+        "if asked_us < ready_us || asked_us > now_us.saturating_add(EARLIEST_US) {",
+        "if asked_us < ready_us {",
+    ),
+    new_mutation(
+        "a preload is late only in the wrong unit",
+        "shared/src/waveform/sequencer.rs",
+        "elapsed_us.saturating_add(TOO_LATE_US).saturating_mul(clocks_per_us) > self.at",
+        "elapsed_us.saturating_add(TOO_LATE_US) > self.at && clocks_per_us > 0",
+    ),
+    new_mutation(
+        "an effect that was refused is remembered as played",
+        "shared/src/device/answers.rs",
+        "                let reply =\n                    self.queue_effect_and_write_due_preloads(board, link, *channel, *start_us, effect, now_us)?;\n                self.remember_played(link, *number, None);\n",
+        "                self.remember_played(link, *number, None);\n                let reply =\n                    self.queue_effect_and_write_due_preloads(board, link, *channel, *start_us, effect, now_us)?;\n",
+    ),
+    new_mutation(
+        "effects that wait outlive the drives that they were for",
+        "shared/src/waveform/sequencer.rs",
+        "            track.queue.clear();\n            track.plays_windows = false;\n        }\n        let before: [Option",
+        "            track.plays_windows = false;\n        }\n        let before: [Option",
+    ),
+    new_mutation(
+        "a rail of 15 V does not count as absent",
+        "shared/src/limits.rs",
+        "pub const TEST_ABSENT_MILLIVOLTS: u32 = 15_000;",
+        "pub const TEST_ABSENT_MILLIVOLTS: u32 = 14_000;",
+    ),
+    new_mutation(
+        "a rail that is too high in the self-test is waited for",
+        "shared/src/safety/arming.rs",
+        "&& !matches!(self.phase, SelfTestPhase::Discharge)",
+        "&& matches!(self.phase, SelfTestPhase::Discharge)",
+    ),
+    new_mutation(
+        "faults are numbered from 1 after every start",
+        "shared/src/device/mod.rs",
+        "self.safety.number_faults_after_boot_id(board.info().boot_id);",
+        "self.safety.number_faults_after_boot_id(0);",
     ),
 ];
