@@ -134,7 +134,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenPlace {
         let what = "a place must be two numbers (x_m, y_m), or x_m alone on a bar";
         let numbers = RealNumbers::read_numbers_from_python_argument(&given, what)?;
         if numbers.shape.len() > 1 || !matches!(numbers.values.len(), 1 | 2) {
-            return Err(PyTypeError::new_err(format!("{what}, not an array with the shape {:?}", numbers.shape)));
+            return Err(PyTypeError::new_err(format!("{what}; the shape of the given value is {:?}", numbers.shape)));
         }
         Ok(Self(numbers))
     }
@@ -182,7 +182,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenTarget {
         };
         let numbers = RealNumbers::read_numbers_from_python_argument(&own, what)?;
         if numbers.shape.len() != 1 || !matches!(numbers.values.len(), 2 | 3) {
-            return Err(PyTypeError::new_err(format!("{what}, not an array with the shape {:?}", numbers.shape)));
+            return Err(PyTypeError::new_err(format!("{what}; the shape of the given value is {:?}", numbers.shape)));
         }
         Ok(Self { numbers })
     }
@@ -213,7 +213,7 @@ impl<'py> FromPyObject<'_, 'py> for FourNumbers {
         let what = "`zone_m`, or an entry of `quiet`, must be four numbers";
         let numbers = RealNumbers::read_numbers_from_python_argument(&given, what)?;
         if numbers.to_array_if_of_length_n::<4>().is_none() {
-            return Err(PyTypeError::new_err(format!("{what}, not an array with the shape {:?}", numbers.shape)));
+            return Err(PyTypeError::new_err(format!("{what}; the shape of the given value is {:?}", numbers.shape)));
         }
         Ok(Self(numbers))
     }
@@ -280,7 +280,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenFrequencies {
         let what = "frequencies must be a real number or one row of real numbers";
         let numbers = RealNumbers::read_numbers_from_python_argument(&given, what)?;
         if numbers.shape.len() > 1 {
-            return Err(PyTypeError::new_err(format!("{what}, not an array with the shape {:?}", numbers.shape)));
+            return Err(PyTypeError::new_err(format!("{what}; the shape of the given value is {:?}", numbers.shape)));
         }
         Ok(Self(numbers))
     }

@@ -398,7 +398,7 @@ impl From<ExplainError> for Raised {
 impl From<BandError> for Raised {
     fn from(error: BandError) -> Self {
         let allowed =
-            format!("a band within {} to {} Hz, at least {} Hz wide", error.least_hz, error.most_hz, error.needed_hz);
+            format!("a band between {} and {} Hz, at least {} Hz wide", error.least_hz, error.most_hz, error.needed_hz);
         let text = format!("from_hz = {}, to_hz = {}: {error}", error.from_hz, error.to_hz);
         Self::with(RaisedKind::Request, &text, "from_hz", error.from_hz, Some(allowed))
     }

@@ -53,6 +53,8 @@ pub fn check_zone_on_surface(scene: &Scene, corners: Option<FourNumbers>) -> Res
     let [x0, y0, x1, y1] = corners.check_unmasked_numbers("zone_m")?;
     let sorted = |a: f64, b: f64| if b < a { [b, a] } else { [a, b] };
     let region = Region::on_surface(scene, sorted(x0, x1), sorted(y0, y1));
-    let allowed = || format!("within 0 to {} m by 0 to {} m", scene.surface.length_m, scene.surface.width_m);
+    let allowed = || {
+        format!("a rectangle with x from 0 to {} m and y from 0 to {} m", scene.surface.length_m, scene.surface.width_m)
+    };
     region.map(Some).map_err(|_| Raised::wrong_argument("zone_m", ArgumentValue::Corners([x0, y0, x1, y1]), allowed()))
 }

@@ -403,7 +403,7 @@ impl PyStudy {
                 "base",
                 "no rows",
                 allowed,
-                format!("base must be {allowed}, but has no rows"),
+                format!("base must be {allowed}, but the given bytes contain no row"),
             )
         })?;
         Ok(self.study.compute_losses_for_search_run(run, base, &rows))

@@ -33,7 +33,7 @@ pub struct PanelOptions {
     /// Relative tolerance of the model as a number, 1e-8 to 0.1
     #[arg(long, value_name = "REL")]
     pub tolerance: Option<f64>,
-    /// Print on standard error what the model contains, what it omits, and the time and the error bound of each mesh
+    /// Print on standard error what the model contains, what it omits, and the computation time and the error bound of each mesh
     #[arg(long)]
     pub explain: bool,
 }
@@ -135,7 +135,7 @@ pub struct Serve {
     /// Serve over TLS with the certificate and key in this folder; if both are missing, the daemon makes both
     #[arg(long, value_name = "DIR", conflicts_with = "tls_cert", help_heading = LISTENING)]
     pub tls_dir: Option<PathBuf>,
-    /// Origin of web pages, other than the daemon's own page, that may use the daemon, such as http://HOST:PORT; can be
+    /// Origin, such as http://HOST:PORT, of web pages that may use the daemon in addition to the daemon's own page; can be
     /// repeated
     #[arg(long, value_name = "ORIGIN", value_parser = crate::daemon::Access::parse_origin, help_heading = ACCESS)]
     pub allow_origin: Vec<String>,
@@ -182,7 +182,7 @@ const MAX_IDLE_S: f64 = 3600.0;
 /// Sizes of recordings in MB.
 pub fn parse_recording_size_mb(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|number| (1.0..=1e6).contains(number));
-    number.ok_or_else(|| format!("{text:?} is not a size from 1 to 1000000 MB"))
+    number.ok_or_else(|| format!("{text:?} is not a number from 1 to 1000000 (the size in MB)"))
 }
 
 pub fn parse_idle_s(text: &str) -> Result<f64, String> {
@@ -200,8 +200,8 @@ pub struct DaemonOptions {
     /// File with the token, if the daemon needs a token; or put the token into the environment variable ERA_TOKEN
     #[arg(long, value_name = "FILE")]
     pub token_file: Option<PathBuf>,
-    /// File with the trusted certificate in PEM: the certificate of the authority, or the daemon's own certificate if
-    /// no authority has signed it
+    /// File with the trusted certificate in PEM format: the certificate of the authority that has signed the daemon's
+    /// certificate, or the daemon's own certificate if no authority has signed it
     #[arg(long, value_name = "FILE")]
     pub ca: Option<PathBuf>,
     /// HTTP proxy for the connection to the daemon (method CONNECT), such as http://HOST:PORT; proxy variables of the

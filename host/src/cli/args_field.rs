@@ -49,19 +49,19 @@ pub struct Field {
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners_mm_in_any_order, conflicts_with = "at", allow_hyphen_values = true,
         help_heading = REACH)]
     pub zone: Option<Corners>,
-    /// For --schemes: give peaks in dB above the threshold of feeling, which depends on the frequency, instead of in
-    /// g
+    /// For --schemes: show peaks in dB above the threshold of feeling, instead of in g. This threshold depends on the
+    /// frequency
     #[arg(long, conflicts_with_all = ["at", "reach"], help_heading = REACH)]
     pub felt: bool,
-    /// Lowest frequency for --reach and --schemes in Hz [default: the lowest frequency of the planner]
+    /// Lowest frequency in Hz, for --reach and --schemes [default: the lowest frequency of the planner]
     #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true, value_parser = parse_finite_number,
         help_heading = REACH)]
     pub from: Option<f64>,
-    /// Highest frequency for --reach and --schemes in Hz [default: the highest frequency of the planner]
+    /// Highest frequency in Hz for --reach and --schemes [default: the highest frequency of the planner]
     #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true, value_parser = parse_finite_number,
         help_heading = REACH)]
     pub to: Option<f64>,
-    /// For a touch: compute how much the peak at the target changes if the panel differs from the scene, by default by
+    /// For a touch: compute how much the peak at the target changes if the panel differs from the scene within the given tolerances, by default
     /// up to 20 % in spring stiffness, 10 % in Young's modulus, 5 % in thickness and 1 mm in positions; this takes some
     /// seconds
     #[arg(long, alias = "tolerances", value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,

@@ -15,7 +15,7 @@ pub struct Press {
     pub panel: PanelOptions,
     #[command(flatten)]
     pub keep: CacheOptions,
-    /// Force of the press in N, 0 to 1000 [default: [press] force_n of the scene, or 5]
+    /// Force of the press in N, 0 to 1000 [default: force_n in [press] of the scene, or 5 if the scene has no force_n]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_press_n, help_heading = NO_HEADING)]
     pub force_n: Option<f64>,
     /// Print JSON
@@ -36,8 +36,8 @@ pub struct Modes {
     #[arg(long, value_name = "NX,NY", value_parser = parse_comma_separated_grid_counts, default_value = "49,33",
         help_heading = BAND)]
     pub grid: (usize, usize),
-    /// Write the mass-normalised shapes as CSV, with one line mode,frequency_hz,error_bound,x_mm,y_mm,shape_per_sqrt_kg
-    /// per mode and point; `-` is standard output
+    /// Write the mass-normalised shapes as CSV with the columns mode,frequency_hz,error_bound,x_mm,y_mm,shape_per_sqrt_kg, and with
+    /// one line per mode and point; `-` is standard output
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub csv: Option<PathBuf>,
     /// Write the mass-normalised shapes: a NumPy array [mode, row, column] of float64 in kg^-1/2, NaN in cut-outs; also
@@ -118,7 +118,8 @@ pub struct Transient {
     /// Unit of --at
     #[arg(long, value_enum, default_value_t = Unit::Mm, help_heading = MOTION)]
     pub unit: Unit,
-    /// A drive: ID of the actuator, frequency in Hz, force amplitude in N and phase of the cosine in degrees (default
+    /// A drive: ID of the actuator, frequency f in Hz, amplitude A in N and phase P in degrees of the force
+    /// A cos(2 pi f t + P) (default of P:
     /// -90, which gives a sine); can be repeated
     #[arg(long, value_name = "ID:HZ:NEWTON[:DEG]", value_parser = parse_drive_id_hz_newton_and_optional_deg, required = true,
         help_heading = MOTION)]

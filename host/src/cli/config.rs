@@ -384,8 +384,8 @@ fn check_config_file_and_print_values_in_use(options: &ConfigCheck) -> CommandRe
 fn format_example_config() -> String {
     let mut text = format!(
         "# Configuration of `era serve`: era serve --config FILE. Options on the command line override this file.\n\
-         # Relative paths are relative to the folder of this file. To drive your panel, set the key scene, and set the\n\
-         # key device to \"auto\". If device is not set, the daemon drives the simulated device. `era config check FILE`\n\
+         # Relative paths are relative to the folder of this file. To drive your panel, set the key `scene`, and set the\n\
+         # key `device` to \"auto\". If `device` is not set, the daemon drives the simulated device. `era config check FILE`\n\
          # shows the values that are used.\n\nversion = {VERSION}"
     );
     for Key { name, help, default, example, .. } in KEYS {

@@ -27,7 +27,7 @@ pub struct Doctor {
     /// The device to check: auto (finds the connected board), the path of a serial port, sim or emulated (sim and
     /// emulated need no hardware). The doctor opens only the serial port of this device [default: the device in the
     /// configuration, or the board that
-    /// the doctor finds by its USB identity]
+    /// the doctor finds through the USB identity of the board]
     #[arg(long, value_name = "DEVICE", help_heading = CHECKED)]
     pub device: Option<Target>,
     /// The daemon's configuration file; the doctor checks the file, and the device and the address in it

@@ -23,7 +23,7 @@ pub enum InstalledPart {
 
 #[derive(Clone, Debug, Args)]
 pub struct Install {
-    /// Install a service of this user instead of a system service, without the udev rule, which needs root
+    /// Install a service of this user instead of a system service. The udev rule is not installed, because its installation needs root
     #[arg(long, help_heading = SERVICE)]
     pub user: bool,
     /// The service's configuration file [default: /etc/era/era.toml; if --user is given: ~/.config/era/era.toml]
@@ -35,13 +35,13 @@ pub struct Install {
     /// The group of users who may drive the board
     #[arg(long, value_name = "NAME", default_value = rule::GROUP, value_parser = parse_group_name, help_heading = ACCESS)]
     pub group: String,
-    /// The group of users who may write the board's firmware [default: none, so only root may write it]
+    /// The group of users who may write firmware to the board [default: none, so only root may do this]
     #[arg(long, value_name = "NAME", value_parser = parse_group_name, help_heading = ACCESS)]
     pub flash_group: Option<String>,
     /// Print the files, and write nothing
     #[arg(long, conflicts_with = "remove", help_heading = FILES)]
     pub print: bool,
-    /// Install or remove only the udev rule or only the systemd unit
+    /// Install or remove only one of the two files: the udev rule or the systemd unit
     #[arg(long, value_name = "PART", value_enum, help_heading = FILES)]
     pub only: Option<InstalledPart>,
     /// Remove the installed files
@@ -336,7 +336,7 @@ fn list_commands_to_run_next(options: &Install, changed: &[InstalledPart], confi
         if ConfigFile::read(config).map_or(true, |file| file.note_if_device_is_simulated().is_some()) {
             let editor = if options.user { "${EDITOR:-vi}" } else { "sudoedit" };
             steps.push(format!(
-                "{editor} {}    # set the scene and the device, such as scene = \"panel.toml\", device = \"auto\"",
+                "{editor} {}    # set the scene and the device, for example scene = \"panel.toml\", device = \"auto\"",
                 config.display()
             ));
         }

@@ -119,7 +119,7 @@ fn refuse_too_many_mode_shape_values(points: usize, modes: usize) -> Result<(), 
 
 fn format_mode_table<'a>(heading: &str, modes: impl Iterator<Item = (&'a PanelMode, &'a Bound)>) -> String {
     let mut text =
-        format!("{heading}\n mode   frequency   error at most   damping ratio   pole at   pole error at most");
+        format!("{heading}\n mode   frequency   error at most   damping ratio   pole frequency   pole error at most");
     for (i, (mode, bound)) in modes.enumerate() {
         let (bound, own) = (format_bound_or_not_known(*bound), format_bound_or_not_known(mode.pole_bound));
         let PanelMode { frequency_hz, damping_ratio, pole, .. } = mode;
@@ -128,7 +128,7 @@ fn format_mode_table<'a>(heading: &str, modes: impl Iterator<Item = (&'a PanelMo
         let ratio = known(*damping_ratio, format!("{damping_ratio:.5}"));
         let pole_hz = known(pole.frequency_hz, format!("{:.3}", pole.frequency_hz));
         let _ =
-            write!(text, "\n{:5} {frequency_hz:8.3} Hz   {bound:>13}   {ratio:>13} {pole_hz:>8} Hz {own:>13}", i + 1);
+            write!(text, "\n{:5} {frequency_hz:8.3} Hz   {bound:>13}   {ratio:>13} {pole_hz:>13} Hz {own:>20}", i + 1);
         if mode.frequency_hz == 0.0 {
             text.push_str("   (rigid motion: no support resists this motion)");
         } else if let Some(slower) = pole.slower.filter(|_| !pole.is_known()) {

@@ -30,7 +30,7 @@ pub fn decode_and_print_board_log(options: &Monitor) -> CommandResult {
     let table = LogTable::from_elf(&elf).map_err(Failure::usage_error)?;
     let mut board = Board::open(&target).map_err(Failure::runtime_error)?;
     let running = board.identity.firmware;
-    tracing::info!("log of firmware {} at {}", Version(running), board.path());
+    tracing::info!("showing the log of firmware {} of the board at {}", Version(running), board.path());
     if running != image.header.firmware {
         tracing::warn!(
             "the image {} contains firmware {}, but the board runs firmware {}: lines of the log may be missing or \

@@ -50,8 +50,8 @@ pub struct PlanOptions {
     /// ignored
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners_mm_in_any_order, allow_hyphen_values = true, help_heading = PLANNER)]
     pub zone: Option<Corners>,
-    /// Compute how much the peaks at the targets change if the panel differs from the scene, by default by up to 20 % in
-    /// spring stiffness, 10 % in Young's modulus, 5 % in thickness and 1 mm in positions; this takes some seconds
+    /// Compute how much the peaks at the targets change if the panel differs from the scene (if --spread has no values: by up to 20 % in
+    /// spring stiffness, 10 % in Young's modulus, 5 % in thickness and 1 mm in the positions of supports, masses and actuators); this takes some seconds
     #[arg(long, alias = "tolerances", value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
         default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances_of_springs_modulus_thickness_and_places, help_heading = PLANNER)]
     pub spread: Option<Tolerances>,

@@ -39,7 +39,7 @@ fn describe_missing_press_error_bounds_by_reason(table: &PlanTable) -> Vec<Strin
         let quoted: Vec<String> = ids.iter().map(|id| format!("{id:?}")).collect();
         let of = if quoted.len() == 1 { "actuator" } else { "actuators" };
         format!(
-            "For the {of} {}, the error bound of the travel under the press alone is not known, because {reason}.",
+            "For the {of} {}, the error bound of the travel with no voltage and no stop is not known, because {reason}.",
             quoted.join(" and ")
         )
     };

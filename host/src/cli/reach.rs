@@ -138,8 +138,8 @@ pub fn compare_drive_schemes_and_write_result(options: &Field) -> CommandResult 
          (For the scheme \"one frequency, in phase\", the program tries {ratios} amplitude ratios at each frequency; \
          for the scheme \"one frequency, phases chosen\", {phases} combinations of amplitudes and phases at each \
          frequency. Then the program searches near the best of them. For the scheme \"distinct frequencies\", the \
-         setting is the best possible for the forces that are computed with the air gaps at rest; if the program \
-         cannot prove this, a line below says so.)\n",
+         setting is the best possible one if the air gaps stay as wide as at rest. If the program \
+         cannot prove that the setting is the best possible one, a line below says so.)\n",
         scene.name,
         describe_searched_zone_and_frequencies(&table, options)
     );

@@ -24,7 +24,7 @@ use tokio::net::TcpListener;
 /// Name of the daemon's socket in the user's folder for such.
 const SOCKET: &str = "era.sock";
 /// What can be recorded to.
-const NEW_RECORD: &str = "Give a new file in a folder that exists, or the name of a folder that ends with a slash: each start of the daemon then makes a new file in this folder";
+const NEW_RECORD: &str = "Name a new file in a folder that exists, or name a folder with a slash at the end of its name: each start of the daemon then makes a new file in this folder";
 /// Where the first plan is tried, in parts of the way to the screen's middle.
 const DIAGONAL: [f64; 6] = [1.0, 0.8, 1.2, 0.6, 1.4, 0.4];
 

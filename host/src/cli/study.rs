@@ -81,7 +81,7 @@ pub fn run_study(options: &Options) -> CommandResult {
             Ok(RunEnd::Done) if !shard.is_whole_study() && all == 0 => {
                 return print_text_after_queued_log(&format!(
                     "{}: share {shard} has no designs to compute, because there are too many shares. Use fewer shares, \
-                     set a smaller `chunk` in [method], or, for an evolution, set larger `runs` in [method]",
+                     set a smaller `chunk` in [method], or, for an evolution, set a larger `runs` in [method]",
                     study.spec.name
                 ));
             }

@@ -216,7 +216,7 @@ fn refuse_too_many_sweep_values(scene: &Scene, points: usize, frequencies: usize
         return Ok(());
     }
     Err(Failure::usage_error(format!(
-        "--grid and --step: {points} points, {frequencies} frequencies and {} actuators are {values:.1e} values, but \
+        "--grid and --step: {points} points, {frequencies} frequencies and {} actuators give {values:.1e} values, but \
          at most {MOST_SWEEP_VALUES:.1e} are allowed",
         scene.actuators.len()
     )))

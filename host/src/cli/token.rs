@@ -36,7 +36,7 @@ fn parse_last_word_outside_comment_lines_as_token(text: &str) -> Result<Option<S
     match token.chars().enumerate().find(|(_, c)| !c.is_ascii_graphic()) {
         None => Ok(Some(token.to_owned())),
         Some((i, c)) => Err(format!(
-            "character {} of the token is {}, but tokens have letters, digits, '-', '_', '.' and '~' only",
+            "character {} of the token is {}, but a token may contain only letters, digits, '-', '_', '.' and '~'",
             i + 1,
             c.escape_unicode()
         )),

@@ -58,7 +58,7 @@ fn format_predicted_and_simulated_peaks(
 ) -> String {
     let mut text = format!(
         "{scene_name}: peak acceleration at the target in g, predicted (frequency domain) and simulated (time domain)\n\
-         \x20             drives                     fundamentals                         whole waveform to 1 kHz\n\
+         \x20             drives                     fundamentals                         waveform up to 1 kHz\n\
          \x20 x mm   y mm  Hz                       predicted simulated  diff    linear    predicted simulated  diff"
     );
     for c in results {

@@ -28,7 +28,7 @@ pub struct PlanWishes {
     #[arg(long, value_enum, default_value_t)]
     pub grouping: Grouping,
     /// How the planner weights accelerations by frequency; `felt` multiplies each acceleration by the sensitivity of the
-    /// skin at its frequency, relative to the sensitivity at 150 Hz
+    /// skin at the frequency of this acceleration, relative to the sensitivity at 150 Hz
     #[arg(long, value_enum, default_value_t)]
     pub weigh: Weigh,
 }

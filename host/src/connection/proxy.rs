@@ -45,7 +45,7 @@ pub fn open_tunnel(proxy: &HostPort, target: &HostPort) -> io::Result<TcpStream>
             "needs a password to connect to {target} (HTTP status 407), but era sends no \
                                        password"
         ))),
-        Some(status) => Err(told(format!("answers {status} to the request to connect to {target}"))),
+        Some(status) => Err(told(format!("answered the request to connect to {target} with the HTTP status {status}"))),
         None => Err(told(format!(
             "gave no HTTP/1 answer to the request to connect to {target}; check the address in --proxy"
         ))),

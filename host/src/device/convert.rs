@@ -112,7 +112,7 @@ pub fn describe_refusal(refusal: &Refusal) -> String {
         }
         Refusal::Start { start_us, now_us } => {
             format!(
-                "the effect or window sequence must start at most 100 ms before and at most 10 s after the present \
+                "the effect (or the window sequence) must start at most 100 ms before and at most 10 s after the present \
                 time, but its start is {start_us} us and the board's clock shows {now_us} us. A window sequence must \
                 also start after the high-voltage rails have reached their voltage, and after the drives of its \
                 channels have ended"

@@ -78,7 +78,7 @@ fn judge_board_presence(facts: &Facts) -> Finding {
         (Wanted::Port(path), _) if !boards.contains(&path.as_str()) => Finding::ok(
             "board",
             format!(
-                "--device or the configuration names {path}. USB does not report this port as the port of a board. \
+                "--device or the configuration names {path}. This port does not have the USB identity of a board. \
                  This is normal if the board is connected through a UART"
             ),
         ),

@@ -70,7 +70,7 @@ impl RequestTrouble {
             Self::SpeaksTls => (
                 format!("{place} speaks TLS, but the request was sent without TLS"),
                 format!(
-                    "use --url https://{place} and --ca with the daemon's certificate (era-cert.pem in its --tls-dir)"
+                    "use --url https://{place} and --ca with the daemon's certificate (era-cert.pem in the folder of the daemon's option --tls-dir)"
                 ),
             ),
             Self::SpeaksPlain => {

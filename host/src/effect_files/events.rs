@@ -219,7 +219,7 @@ impl EventList {
             return Err(ReadError::NoEvents { format: self.format, warnings: self.warnings });
         }
         if self.warnings_left_out > 0 {
-            self.warnings.push(format!("there are {} more warnings", self.warnings_left_out));
+            self.warnings.push(format!("number of further warnings, which are not shown: {}", self.warnings_left_out));
         }
         self.events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         Ok(self)

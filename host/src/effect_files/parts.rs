@@ -108,8 +108,8 @@ pub fn cut_events_into_parts(list: &EventList) -> Result<(Vec<Part>, Vec<String>
     };
     if tolerance > TOLERANCE {
         warnings.push(format!(
-            "changes of intensity over time are played with an error of up to {:.0} %, because a \
-            smaller error needs too many segments",
+            "changes in intensity over time are played with an error of up to {:.0} %, because a \
+            smaller error would need too many segments",
             1e2 * tolerance
         ));
     }
@@ -218,7 +218,7 @@ fn draw_curves(list: &EventList, warnings: &mut Vec<String>) -> Result<Vec<Curve
     }
     if elsewhere > 0 {
         warnings.push(format!(
-            "vibrations left out: {elsewhere}. At their time, the effect already has a vibration at another place"
+            "number of vibrations left out: {elsewhere}. Each of them overlaps in time with a vibration of the effect at another place"
         ));
     }
     if clipped {

@@ -105,7 +105,7 @@ pub enum DfuError {
     },
     /// The device reports an error.
     #[error(
-        "{step} at {address:#010x} failed with the status {status} of the bootloader: {}",
+        "{step} at {address:#010x} failed: the bootloader reported the status {status}: {}",
         describe_status(*.status)
     )]
     Status {

@@ -55,7 +55,7 @@ pub enum ProbeError {
     },
     /// Another chip, or an answer that cannot be understood.
     #[error(
-        "the chip at the probe has the device ID {found}, but an STM32G474 has {CHIP_STM32G474:#05x}: nothing was changed"
+        "the chip that is connected to the probe has the device ID {found}, but an STM32G474 has {CHIP_STM32G474:#05x}: nothing was changed"
     )]
     OtherChip {
         /// As read.

@@ -31,7 +31,7 @@ pub enum UsbError {
     Bus(nusb::Error),
     /// Nobody there.
     #[error(
-        "no board in its bootloader (USB {VENDOR:04x}:{PRODUCT:04x}) is connected. Stop a daemon that has the board's port open. Connect a USB cable to the pins PA11 (D-) and PA12 (D+) of the board (the connector of a debug probe is not sufficient), then run the same command again. If the board does not start its bootloader, hold the pin BOOT0 (PB8) high while you switch the board on"
+        "no connected board runs its bootloader (USB {VENDOR:04x}:{PRODUCT:04x}). If a daemon has the board's port open, stop this daemon. Connect a USB cable to the pins PA11 (D-) and PA12 (D+) of the board (the connector of a debug probe is not sufficient), then run the same command again. If the board does not start its bootloader, hold the pin BOOT0 (PB8) high while you switch the board on"
     )]
     None,
     /// More than one.

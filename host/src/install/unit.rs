@@ -74,7 +74,7 @@ impl Unit<'_> {
         let after = if self.is_user { "" } else { "After=network.target\n" };
         Ok(format!(
             "{MARK}\n\
-             # `{manager} edit {NAME}` keeps changed settings in another file, which `era install` does not replace.\n\
+             # `{manager} edit {NAME}` writes your changes to another file, which `era install` does not replace.\n\
              [Unit]\n\
              Description=ERA haptics daemon\n\
              {after}# No limit on the number of restarts, so that the daemon runs whenever a board is connected.\n\
@@ -114,7 +114,7 @@ impl Unit<'_> {
 /// What only the machine's own service manager can do. `RestrictRealtime` is left out on purpose.
 fn format_system_section(group: &str) -> String {
     format!(
-        "# The daemon may write plan tables in /var/cache/era, certificates and recordings in {STATE}, its socket in /run/era.\n\
+        "# The daemon may write plan tables in /var/cache/era, certificates and recordings in {STATE}, and its socket in /run/era.\n\
          CacheDirectory=era\n\
          CacheDirectoryMode=0700\n\
          StateDirectory=era\n\

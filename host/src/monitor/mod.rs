@@ -12,7 +12,7 @@ use std::fmt;
 pub enum MonitorError {
     /// The file holds no tables.
     #[error(
-        "the image contains no log texts{0}: build the image with `cargo xtask firmware`, or name another image with \
+        "the image contains no texts of log messages{0}: build the image with `cargo xtask firmware`, or name another image with \
          --elf"
     )]
     NoTable(String),

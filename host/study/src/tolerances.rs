@@ -215,8 +215,8 @@ impl Spread {
         };
         let (all, samples) = (ends(&self.range), self.samples);
         let mut text = format!(
-            "the peak at the target changes by {all} if the properties below deviate from the scene at the same time, \
-             each by up to its tolerance (estimate from {samples} simulated panels; the peak of a real panel may change \
+            "if all properties below deviate from the scene at the same time, each by up to its tolerance, \
+             the peak at the target changes by {all} (estimate from {samples} simulated panels; the peak of a real panel may change \
              more)"
         );
         for OneTolerance { what, range } in &self.of {

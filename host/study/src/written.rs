@@ -172,7 +172,7 @@ impl StudyResults {
         let mut head = vec![String::new(), "design".into()];
         for (wanted, is_bounded) in study.figures.iter().zip(&is_bounded) {
             let name = wanted.column_name();
-            let bound_head = is_bounded.then(|| format!("error of {name} at most"));
+            let bound_head = is_bounded.then(|| format!("{name}: relative error at most"));
             head.push(name);
             head.extend(bound_head);
         }

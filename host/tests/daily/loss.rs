@@ -43,12 +43,12 @@ fn a_board_that_is_late_is_reported_and_not_given_up() {
         for gone in [&device["state"], &device["supply"], &state["telemetry"]] {
             assert!(gone.is_null(), "{state}");
         }
-        assert!(device["problem"].as_str().unwrap().contains("the device did not answer for"), "{device}");
+        assert!(device["problem"].as_str().unwrap().contains("the board has not answered a request for"), "{device}");
         let (status, _, problem) = daemon.post("/v1/touch", TOUCH);
         assert_eq!((status, &problem["type"]), (503, &json!("urn:era:problem:device-late")), "{problem}");
         assert!(
             problem["retry_after_ms"].is_u64()
-                && problem["detail"].as_str().unwrap().contains("the device did not answer for")
+                && problem["detail"].as_str().unwrap().contains("the board has not answered a request for")
         );
         assert_eq!(daemon.post("/v1/arm", "").0, 503);
         assert!(daemon.get_text("/metrics").contains("era_device_connected 0"));

@@ -56,7 +56,7 @@ fn a_start_without_disk_space_does_not_keep_later_ones_from_recording() {
         let (mut daemon, log) = start_recording(folder.path(), limit);
         let wanted = if limit == 0 { "File too large" } else { "ready after" };
         let said = find_line(&log, wanted).unwrap_or_else(|| panic!("{limit}: no {wanted:?}"));
-        assert!(!said.contains("Give a new file"), "{said}");
+        assert!(!said.contains("Name a new file"), "{said}");
         daemon.kill().unwrap();
         daemon.wait().unwrap();
     }

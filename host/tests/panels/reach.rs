@@ -123,7 +123,11 @@ fn clicks_are_mapped() {
     assert!(std::fs::read(&png).unwrap().starts_with(b"\x89PNG"));
     let output = run_era(&["field", "--effect", "click", "--accuracy", "fast", "--scene", &bar]);
     let text = &output.out;
-    let words =
-        ["clicks of 0.5 g", "crisp (peak within 15 ms, quiet within 45 ms)", "lowest peak", "quiet time (median)"];
+    let words = [
+        "clicks of 0.5 g",
+        "crisp (peak within 15 ms, motion below a tenth of the peak within 45 ms)",
+        "lowest peak",
+        "quiet time (median)",
+    ];
     assert!(words.iter().all(|word| text.contains(word)) && text.lines().count() <= 15, "{text}");
 }

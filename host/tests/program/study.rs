@@ -112,7 +112,7 @@ fn what_a_study_cannot_be_is_reported() {
     };
     refused(&["study", &place.path().join("none.toml").display().to_string()], 2, "none.toml");
     refused(&["study", &study, "--out", &out, "--shard", "3/2"], 2, "\"3/2\" is not of the form I/N");
-    refused(&["study", &study, "--out", &out, "--gather"], 1, "of 12 designs are not computed yet");
+    refused(&["study", &study, "--out", &out, "--gather"], 1, "of 12 designs are missing");
     let wrong = place.path().join("wrong.toml");
     fs::write(&wrong, STUDY.replace("actuator[1].x_mm", "actuator[9].x_mm")).unwrap();
     refused(

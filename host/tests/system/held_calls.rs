@@ -22,14 +22,14 @@ fn a_session_is_not_held_by_a_port_that_does_not_open_or_close() {
         board.control().set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
         let state = daemon.wait_for(|state| {
             let problem = state["device"]["problem"].as_str().unwrap_or_default();
-            problem.contains("has not returned for")
+            problem.contains("did not return within")
         });
         let problem = state["device"]["problem"].as_str().unwrap();
         assert!(problem.contains(board.port_path()), "{call}: {problem}");
         let begun = Instant::now();
         let (status, _, told) = daemon.post("/v1/stop", "");
         assert!(status == 502 && begun.elapsed() < Duration::from_secs(5), "{call}: {:?} {told}", begun.elapsed());
-        assert!(told["detail"].as_str().unwrap().contains("has not returned for"), "{call}: {told}");
+        assert!(told["detail"].as_str().unwrap().contains("did not return within"), "{call}: {told}");
         board.control().set_knobs(SimKnobs::default());
         preloaded.let_go(call);
         daemon.wait_for(|state| state["device"]["connected"] == true);
@@ -126,7 +126,7 @@ fn told_while_held(preloaded: &Preloaded, board: &SimDevice, call: &str, command
     let output = run_command(build_isolated_command(&words[0]).args(&words[1..]).args(command));
     let told = format!("{}{}", output.out, output.error);
     assert!(begun.elapsed() < Duration::from_secs(30), "{call}: {:?}", begun.elapsed());
-    assert!(told.contains("has not returned for"), "{call}: {told}");
+    assert!(told.contains("did not return within"), "{call}: {told}");
     preloaded.let_go(call);
     told
 }

@@ -23,7 +23,7 @@ pub enum ModelError {
     },
     /// More modes than are computed in a time worth waiting for.
     #[error(
-        "the computation needs all modes up to {max_hz:.0} Hz, which are about {modes} modes of this surface, but at \
+        "the computation needs all modes of this surface up to {max_hz:.0} Hz (about {modes} modes), but at \
          most {limit} modes are allowed: choose a lower frequency"
     )]
     TooManyModes {
@@ -68,7 +68,7 @@ pub enum ModelError {
     },
     /// A design of another panel.
     #[error(
-        "[{part}] differs from the scene for which the model was computed; only supports, masses and actuators may \
+        "[{part}] is not the same as in the scene for which the model was computed; only supports, masses and actuators may \
          differ from that scene"
     )]
     OtherPanel {

@@ -81,8 +81,8 @@ fn read_ply_elasticity(table: &TomlSection<'_, '_>, kind: SurfaceKind) -> PlyEla
     }
     if table.has_key_marking_known("youngs_modulus_pa") {
         let text = format!(
-            "{} is given together with moduli of the axes ({}), but only one kind is allowed: give youngs_modulus_pa \
-             if the material is the same in all directions, otherwise the moduli of the axes",
+            "{} is given together with separate moduli for the axes ({}), but only one of the two is allowed: give only youngs_modulus_pa \
+             if the material is isotropic, otherwise give only the separate moduli",
             table.key_with_path("youngs_modulus_pa"),
             WITH_AXES.join(", ")
         );

@@ -216,7 +216,7 @@ fn read_modal_ratio(section: &TomlSection<'_, '_>) -> ModalRatio {
     pairs.as_deref().and_then(ModalRatio::from_table_if_ascending_with_1_to_10_pairs).unwrap_or_else(|| {
         let wanted = format!(
             "a number {MODAL_RATIO}, or a list of 1 to {MOST_POINTS} pairs [frequency in Hz, damping ratio] with \
-             rising frequencies: each frequency {MODE_HZ}, each ratio {MODAL_RATIO}"
+             rising frequencies; each frequency must be {MODE_HZ}, and each ratio must be {MODAL_RATIO}"
         );
         section.report_wrong_list(KEY, &wanted);
         ModalRatio::from_single_ratio(0.0)

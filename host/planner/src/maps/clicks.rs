@@ -177,7 +177,7 @@ impl ClickMap {
         let times = self.clicks.iter().map(draw).collect();
         let field = PeakField { x_mm: self.x_mm.clone(), y_mm: self.y_mm.clone(), peak_g: times };
         let title = format!(
-            "{}: time until a click of {} g is quiet (places that are not yet quiet after {end_ms:.0} ms have the \
+            "{}: time until the motion of a click of {} g stays below a tenth of its peak (times above {end_ms:.0} ms have the \
              colour of {end_ms:.0} ms)",
             scene.name, self.intensity_g
         );

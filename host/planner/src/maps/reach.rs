@@ -120,7 +120,7 @@ pub fn write_schemes_png(
             )
         }
         SurfaceKind::Plate => format!(
-            "{} (upper row: {one}; lower row: {each}; red: places with a peak below the lowest peak of the scheme with \
+            "{} (upper row: {one}; lower row: {each}; red: places where the peak is lower than the peak at the weakest place with \
              distinct frequencies)",
             scene.name
         ),

@@ -63,7 +63,9 @@ pub fn list_warnings_of_actuators_not_withstanding_press(table: &PlanTable) -> V
         let how_far = match pressed.alone_m {
             alone_m if alone_m > actuator.air_gap_m => "onto an electrode".into(),
             alone_m if alone_m > MAX_TRAVEL_FRACTION * actuator.air_gap_m => format!("by {:.0} um", alone_m * 1e6),
-            alone_m => format!("by {:.0} um, and the electrodes then pull the mass beyond the limit", alone_m * 1e6),
+            alone_m => {
+                format!("by {:.0} um, and the electrodes then pull the mass farther than is allowed", alone_m * 1e6)
+            }
         };
         let springs = pressed.stiffness_n_per_m.map_or_else(String::new, |stiffness| {
             format!(

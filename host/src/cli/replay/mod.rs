@@ -196,8 +196,10 @@ fn print_summary_and_fail_if_unanswered_or_lost(
     }
     let refused: Vec<String> = pages.refused.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
     let refused = if refused.is_empty() { "none".into() } else { refused.join(", ") };
-    let lost =
-        pages.reason.as_ref().map_or_else(String::new, |reason| format!(", of which {} lost: {reason}", pages.lost));
+    let lost = pages
+        .reason
+        .as_ref()
+        .map_or_else(String::new, |reason| format!(", but {} of them could not be sent: {reason}", pages.lost));
     let list: Vec<String> = statuses.iter().map(|(status, count)| format!("{count} with status {status}")).collect();
     let mut told: Vec<String> = otherwise.iter().take(PRINTED_DIFFERENCES).map(ChangedAnswer::format_line).collect();
     if otherwise.len() > PRINTED_DIFFERENCES {

@@ -90,7 +90,7 @@ pub fn normalize_host_name(text: &str) -> Result<String, String> {
     }
     if !text.is_ascii() {
         return Err(format!(
-            "{NAME}; if the name has non-ASCII characters, write the name in the form that browsers \
+            "{NAME}; this name has non-ASCII characters: write the name in the form that browsers \
                             send (xn--...)"
         ));
     }

@@ -149,7 +149,7 @@ impl Problem {
         let (allowed, range) = if max == "inf" {
             (format!("at least {min}"), format!("at least {min}"))
         } else {
-            (format!("{min} to {max}"), format!("in {min} to {max}"))
+            (format!("{min} to {max}"), format!("{min} to {max}"))
         };
         let detail = format!("{field} is {value}, but must be {range}");
         Self::new(ProblemKind::OutOfRange, detail).with_field_and_value(field, value.into(), allowed, None)

@@ -256,7 +256,7 @@ pub(super) fn limit_exceeded_problem<T: std::fmt::Display + Into<serde_json::Val
 ) -> Problem {
     let place = line.map_or_else(String::new, |line| format!("{SOURCE}:{line}: "));
     let detail = format!(
-        "{place}{field}: there are {value} {unit}, but the daemon computes only previews and studies with at most \
+        "{place}{field}: there are {value} {unit}, but in a preview or study that the daemon computes, the limit is \
          {limit}"
     );
     let allowed = format!("at most {limit} {unit}");

@@ -59,7 +59,7 @@ impl TouchDriver {
             Ok(trade) => trade,
             Err(problem) => {
                 tracing::info!(
-                    "the answer to the touch request has no field `trade`, because the alternative plans (for wishes \
+                    "the answer to the touch request has no field `trade`, because the alternative plans (for requested peaks and quiet zones \
                     that conflict) could not be computed: {}",
                     problem.detail()
                 );

@@ -54,7 +54,7 @@ pub enum ListenError {
     /// Two kilovolts for everybody.
     #[error(
         "--listen {address} is not a loopback address: everybody who reaches this address could drive the panel. Such an \
-         address also needs --token-file, and --tls-cert with --tls-key (or --tls-dir, which makes a certificate)"
+         address needs --token-file for access and, for TLS, either --tls-cert with --tls-key, or --tls-dir (which makes a certificate)"
     )]
     Open {
         /// As asked for.

@@ -233,8 +233,9 @@ fn parse_finger_id_or_zero_if_absent(text: &str) -> Option<i64> {
 
 /// That two fingers have the same number: nobody could say then which of them was lifted. The first one counts.
 fn duplicate_finger_id_problem(finger_index: usize, id: i64) -> Problem {
-    let detail =
-        format!("touches[{finger_index}].id is {id}, but an earlier finger has this id already: ids must differ");
+    let detail = format!(
+        "touches[{finger_index}].id is {id}, but an earlier entry of `touches` already has this id: all ids must differ"
+    );
     Problem::new(ProblemKind::OutOfRange, detail).with_field_and_value(
         &format!("touches[{finger_index}].id"),
         id.into(),

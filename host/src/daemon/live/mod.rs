@@ -128,7 +128,7 @@ impl PageMessage {
             PageMessageKind::Touch | PageMessageKind::Stop => (self.controls.as_ref().map(|_| "controls"), "controls"),
         };
         let Some(key) = wrong else { return Ok(()) };
-        let detail = format!("`{key}` is given, but is allowed only with the type `{type_name}`");
+        let detail = format!("`{key}` is given, but is allowed only in a message of the type `{type_name}`");
         Err(Problem::bad_body(detail).with_field(key.into()))
     }
 }

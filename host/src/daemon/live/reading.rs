@@ -130,8 +130,7 @@ impl PageReader {
                 self.discard_finger_steps_and_stop_device_for_page();
                 let has_more = message.count_fingers().is_some_and(|count| count > 0);
                 if has_more {
-                    let detail =
-                        "`touches` is given, but is allowed only with the type `touch`; the daemon stopped the device";
+                    let detail = "`touches` is given, but is allowed only in a message of the type `touch`; the daemon stopped the device";
                     return Err(Problem::bad_body(detail.into()).with_field("touches".into()));
                 }
                 rest.refuse_keys_of_other_types()

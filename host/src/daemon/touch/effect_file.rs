@@ -99,7 +99,7 @@ impl CheckedEffectFile {
             (None, Some(text), None) => ("file", read_effect_bytes(text.as_bytes(), asked.format)),
             (None, None, Some(text)) => {
                 let bytes = BASE64.decode(text).map_err(|error| {
-                    let detail = format!("file_base64 is no base64 text (RFC 4648, with padding): {error}");
+                    let detail = format!("file_base64 is not base64 text (RFC 4648, with padding): {error}");
                     Problem::bad_body(detail).with_field("file_base64".into())
                 })?;
                 ("file_base64", read_effect_bytes(&bytes, asked.format))

@@ -36,7 +36,7 @@ pub enum PortError {
         denial: PortDenial,
     },
     /// A call has not returned.
-    #[error("the call `{call}` on the port {path} has not returned for {waited:.1?}{}", .users.sentence_about_visible_or_hidden_users_of_faulty_port_or_empty())]
+    #[error("the call `{call}` on the port {path} did not return within {waited:.1?}{}", .users.sentence_about_visible_or_hidden_users_of_faulty_port_or_empty())]
     Late {
         /// The port.
         path: String,

@@ -102,7 +102,7 @@ pub fn open_pseudo_terminal() -> std::io::Result<(SerialPort, String)> {
     let mut settings = tcgetattr(&line)?;
     set_raw_mode_and_board_baud_rate(&mut settings)?;
     tcsetattr(&line, OptionalActions::Now, &settings)?;
-    Ok((SerialPort { path: format!("the device's end of {path}"), line: Some(master), wait: WAIT }, path))
+    Ok((SerialPort { path: format!("{path} (side of the device)"), line: Some(master), wait: WAIT }, path))
 }
 
 fn open_exclusively_in_raw_mode_or_get_failed_call(

@@ -316,7 +316,7 @@ impl SessionWorker {
             (snapshot.connected, snapshot.in_doubt) = (false, true);
             snapshot.doubts += 1;
             snapshot.problem = Some(format!(
-                "the device did not answer for {:.0} ms, and the daemon sends the request again. If an armed board \
+                "the board has not answered a request for {:.0} ms, so the daemon sends the request again. If an armed board \
                  still does not answer, the daemon stops the board. An armed board that receives nothing for 250 ms \
                  switches its high voltage off",
                 waited.as_secs_f64() * 1e3

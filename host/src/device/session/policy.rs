@@ -75,7 +75,9 @@ impl SceneNeeds {
     pub fn judge_board_channels_and_voltages(&self, board: &DeviceIdentity) -> BoardFit {
         let (wanted, there) = (self.max_voltages_v.len(), board.channels.len());
         if there < wanted {
-            return BoardFit::Unfit(format!("the scene has {wanted} actuators, but the board has {there} channels"));
+            return BoardFit::Unfit(format!(
+                "the scene has {wanted} actuators, but the board has only {there} channels"
+            ));
         }
         let less = self.max_voltages_v.iter().zip(&board.channels).zip(1..).find_map(|((volts, channel), number)| {
             let most_v = f64::from(channel.max_voltage_millivolts) / 1e3;

@@ -81,8 +81,9 @@ impl FigureCache<'_> {
             Figure::WeakestG => self.get_or_search_weakest_place(wanted.setting, wanted.drives, Measure::G)?.peak,
             Figure::WeakestDb => {
                 let peak = self.get_or_search_weakest_place(wanted.setting, wanted.drives, Measure::Thresholds)?.peak;
-                threshold_multiple_to_db_unless_at_rest(peak)
-                    .ok_or_else(|| nothing("the actuators cannot move the place with the weakest peak"))?
+                threshold_multiple_to_db_unless_at_rest(peak).ok_or_else(|| {
+                    nothing("the actuators cannot move the surface at the place with the weakest peak")
+                })?
             }
             Figure::PowerW => {
                 self.get_or_search_weakest_place(wanted.setting, FrequencyGrouping::Distinct, Measure::G)?.power_w

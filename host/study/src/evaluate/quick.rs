@@ -97,7 +97,7 @@ fn compute_weakest_peak_figures_others_nan(
             Measure::Thresholds => {
                 threshold_multiple_to_db_unless_at_rest(weakest.peak).ok_or_else(|| EvaluateError::Figure {
                     figure: wanted.column_name(),
-                    reason: "the actuators cannot move the place with the weakest peak",
+                    reason: "the actuators cannot move the surface at the place with the weakest peak",
                 })?
             }
         });

@@ -23,7 +23,9 @@ pub(super) fn write_plots_section_html(study: &Study, table: &DesignTable) -> St
     };
     let all = table.entries.len();
     let shown = if all > MOST {
-        format!(" The plots show at most {MOST} of {all} designs: the best, and an even selection of the others.")
+        format!(
+            " The plots show at most {MOST} of {all} designs: the best designs, and other designs at even intervals of the design number."
+        )
     } else {
         String::new()
     };

@@ -42,7 +42,7 @@ pub(super) fn write_peak_maps_of_base_and_best_html(study: &Study, finals: &Veri
     let mut html = format!(
         "<p>The maps show the largest possible peak at each place if frequencies, amplitudes and phases are chosen \
          for this place. The scale is logarithmic, from {} g (dark) to {} g (light). Circles are actuators, squares \
-         are supports, the cross is the weakest place.</p>\n\
+         are supports, and the cross is the weakest place (the place with the smallest of these peaks).</p>\n\
          <div class=\"maps\">\n",
         format_four_significant_digits_or_no_value_if_nan(least),
         format_four_significant_digits_or_no_value_if_nan(most)

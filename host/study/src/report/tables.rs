@@ -201,10 +201,10 @@ pub(super) fn write_accuracy_convergence_and_failures_html(
     finals: &VerifiedFinalists,
 ) -> String {
     let mut html = format!(
-        "<p>All designs got a {} evaluation (column \"first value\"). The scene itself and the best designs were then \
+        "<p>The program first computed all designs with the {} evaluation (column \"first value\"). The scene itself and the best designs were then \
         computed again, with models whose relative error should be at most {:.0e} (column \"computed again\"). The \
         column \"error at most\" is an upper bound of the relative error of the value computed again. The program \
-        computes this bound for three kinds of figures only: the strongest peak at the weakest place, the frequencies \
+        computes this bound for three kinds of figures only: the largest possible peak at the weakest place, the frequencies \
         of modes, and sag_um.</p>\n\
          <table>\n<tr><th>design</th><th>figure</th><th>first value</th><th>computed \
          again</th><th>difference</th><th>error at most</th></tr>\n",

@@ -72,7 +72,7 @@ pub enum GatherError {
     Folder(#[from] FolderError),
     /// It is not all there.
     #[error(
-        "{missing} of {all} designs are not computed yet: run the study again, or run all of its shares (`era study --shard`)"
+        "the results of {missing} of {all} designs are missing: run the study again, or run all of its shares (`era study --shard`)"
     )]
     Missing {
         /// How many are missing.

@@ -222,8 +222,8 @@ impl DesignSpace {
                 let x = [place.as_slice(), &[PathStep::Key("x_mm".into())]].concat();
                 if document::number_at_place_if_any(&self.base, &x).is_none() {
                     let told = format!(
-                        "apart[{entry_number}]: the path {path} must lead to a table with x_mm, such as an actuator, \
-                         but does not"
+                        "apart[{entry_number}]: the path {path} must be the path of a table with the key x_mm, such as an [[actuator]], \
+                         but is not"
                     );
                     lines.report_mistake_in_line(minimum_distance.line, told);
                     return;
@@ -309,7 +309,7 @@ impl DesignSpace {
                     own.line,
                     format!(
                         "{}: the program tried several values of this variable, and the scene is valid with none of \
-                         them (reason for the first of these values: {reason})",
+                         them (with the first of these values, the scene is not valid for this reason: {reason})",
                         name_variable_in_message(number, own)
                     ),
                 );

@@ -37,7 +37,7 @@ impl RefusedDesign {
         let told: Vec<&str> =
             error.mistakes.iter().take(MAX_LISTED_VALUES).map(|mistake| mistake.text.as_str()).collect();
         let more = error.mistakes.len().saturating_sub(MAX_LISTED_VALUES);
-        let more = if more == 0 { String::new() } else { format!("; and {more} more mistakes") };
+        let more = if more == 0 { String::new() } else { format!("; number of further mistakes: {more}") };
         Self::Scene(told.join("; ") + &more)
     }
 }

@@ -206,7 +206,7 @@ fn what_leads_nowhere_or_is_never_taken_is_reported_with_its_line() {
         (4, "the scene has no support[7]"),
         (
             8,
-            "the scene is valid with none of them (reason for the first of these values: surface.thickness_mm is 200, \
+            "the scene is valid with none of them (with the first of these values, the scene is not valid for this reason: surface.thickness_mm is 200, \
              but must be 0.001 to 100",
         ),
         (12, "must be the `place` of an earlier [[variable]]"),
@@ -376,11 +376,14 @@ fn what_is_held_apart_has_places() {
         let study = format!("{table}[[apart]]\nplaces = {places}\ndistance_mm = 50\n");
         hold(&space_of(&study, STARTING_PLATE).unwrap_err(), &[(8, expected)]);
     };
-    told("[\"surface\"]", "apart[1]: the path surface must lead to a table with x_mm, such as an actuator, but");
-    told("[\"actuator\"]", "apart[1]: the path actuator must lead to a table");
+    told(
+        "[\"surface\"]",
+        "apart[1]: the path surface must be the path of a table with the key x_mm, such as an [[actuator]], but",
+    );
+    told("[\"actuator\"]", "apart[1]: the path actuator must be the path of a table");
     told(
         "[\"actuator.left.x_mm\", \"actuator.right.x_mm\"]",
-        "apart[1]: the path actuator.left.x_mm must lead to a table",
+        "apart[1]: the path actuator.left.x_mm must be the path of a table",
     );
     told(
         "[\"actuator.left\", \"actuator[1]\"]",

@@ -223,8 +223,8 @@ fn read_choice_variable(
     if names.len() != values.len() {
         section.report_wrong_value(
             "names",
-            format!("a list of {} names", names.len()),
-            &format!("a list with one name for each value: {} names", values.len()),
+            format!("a list of length {}", names.len()),
+            &format!("a list with one name for each value (length {})", values.len()),
         );
     }
     let costs = costs.unwrap_or_else(|| vec![0.0; values.len()]);

@@ -27,7 +27,7 @@ fn every_mistake_is_reported_with_key_value_allowed_and_line() {
         (7, "variable[1].from is 3, but must be no larger than `to`, which is 1"),
         (11, "variable[2].within_mm is [0, 0, 1], but must be a list of 4 numbers"),
         (14, "variable[3].from is 0, but must be above 0, because the scale is \"log\""),
-        (20, "variable[4].names is a list of 1 names, but must be a list with one name for each value: 2 names"),
+        (20, "variable[4].names is a list of length 1, but must be a list with one name for each value (length 2)"),
         (22, "variable[5]: exactly one of the keys `key`, `place` and `count` is needed"),
         (24, "wish[1].figure is \"weakest\", but must be one of \"weakest_g\""),
         (25, "wish[2].at_mm is missing, but must be [x, y] in mm, the touched point"),

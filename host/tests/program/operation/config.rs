@@ -116,7 +116,7 @@ fn what_serve_refuses_check_and_doctor_refuse() {
         ("tls_cert = \"none.pem\"\n".into(), 3, "but tls_key, the private key of this certificate, is missing"),
         ("tls_key = \"good\"\n".into(), 3, "but tls_cert, the certificate of this key, is missing"),
         ("record = \"good\"\n".into(), 3, "never replaces a file"),
-        ("record = \"nowhere/run.jsonl\"\n".into(), 3, "nowhere\" does not exist. Give a new file"),
+        ("record = \"nowhere/run.jsonl\"\n".into(), 3, "nowhere\" does not exist. Name a new file"),
         ("socket = \"good\"\n".into(), 2, "cannot listen on the socket"),
         (format!("socket = \"{}\"\n", "s".repeat(200)), 2, "cannot listen on the socket"),
     ] {

@@ -142,8 +142,8 @@ impl Admission {
     ) -> Problem {
         self.refused.fetch_add(1, Ordering::Relaxed);
         let detail = format!(
-            "the queue is full: {waiting} requests already {awaited}. This request is refused because this client has at \
-             least as many requests in the queue as each of the other clients; try again in {retry_ms} ms"
+            "the queue is full: {waiting} requests already {awaited}. This request is refused because no other client has \
+             more requests in the queue than this client; try again in {retry_ms} ms"
         );
         Problem::new(ProblemKind::QueueFull, detail).with_retry(retry_ms, Some(waiting))
     }
