@@ -3,6 +3,7 @@ planted into the registers, which it must find."""
 
 import copy
 import os
+import random
 import unittest
 
 from board_session import SET_DRIVES, BoardSession
@@ -24,14 +25,38 @@ WINDOWS = (
 )
 
 
+# Sessions with sets of random drives, and a random sequence of windows at the end of each.
+RANDOM_SESSIONS, RANDOM_SETS = int(os.environ.get("ERA_PULSE_SESSIONS", "1")), 3
+# The guard of 200 us, and the least window of 300 us, in s and in ticks of 0.1 us; 5.6 ms are the longest window.
+GUARD_S, GUARD_TICKS, LEAST_TICKS, LONGEST_TICKS = 200e-6, 2_000, 3_000, 56_034
+
+
+def choose_drives(rng, volts):
+    """One drive for each channel, the first two in step, with the voltage of each rail: four of 600 V at 400 Hz take 0.22 of the 0.5 mA that the
+    supply delivers. A rail that falls would narrow the windows."""
+    shared = round(rng.uniform(20, 400), 2)
+    frequencies = [shared, shared, round(rng.uniform(20, 400), 2), round(rng.uniform(20, 400), 2)]
+    widest = lambda hertz: 1 - 2 * hertz * GUARD_S
+    return tuple(
+        Drive(hertz, round(rng.uniform(0.3, widest(hertz)), 4), round(rng.random(), 4), volts[channel % 2]) for channel, hertz in enumerate(frequencies)
+    )
+
+
+def choose_windows(rng):
+    """Up to six windows for each channel."""
+    choose = lambda: (rng.choice("ab"), rng.randrange(GUARD_TICKS, 60_000), rng.randrange(LEAST_TICKS, LONGEST_TICKS))
+    return tuple(tuple(choose() for _ in range(rng.randrange(1, 7))) for _ in ELECTRODES)
+
+
 class Session(BoardSession):
     """Drives, and windows."""
 
-    def __init__(self):
+    def __init__(self, drives=DRIVES, windows=WINDOWS):
         super().__init__(os.environ["ERA_ELF"])
-        self.driven = [self.set_drives(drives) for drives in DRIVES]
-        self.start = self.play_windows(WINDOWS, [drive.volts * 1000 for drive in DRIVES[-1][:2]])
-        self.run_for(0.15)
+        self.drives, self.windows = drives, windows
+        self.driven = [self.set_drives(each) for each in drives]
+        self.start = self.play_windows(windows, [drive.volts * 1000 for drive in drives[-1][:2]])
+        self.run_for(0.3)
         self.ended = self.machine.clock
         self.machine.close()
 
@@ -47,30 +72,46 @@ class Session(BoardSession):
         return begin, settled, self.machine.clock, list(self.machine.supply.rails), connected
 
 
+def judge_session(session, timer=None, alter=None):
+    """All that is wrong with a session, with the registers of a timer altered."""
+    snapshots = copy.deepcopy(session.snapshots)
+    for _, registers in snapshots if alter else ():
+        alter(registers[timer])
+    levels = list(rebuild_levels(snapshots, session.ended).values())
+    first = session.driven[0][0]
+    wrong = [text for level in levels for text in judge_pins(level, first, session.ended)]
+    for index, (drives, (_, settled, end, *_)) in enumerate(zip(session.drives, session.driven)):
+        steady = [list_pulses(level, settled, end) for level in levels]
+        for channel, drive in enumerate(drives):
+            wrong += judge_drives(steady[channel], [drive])
+            wrong += judge_drives(list_pulses(levels[channel], first, end), [of[channel] for of in session.drives[:index + 1]])
+        wrong += judge_phase(drives[:2], steady[:2])
+    played = [list_pulses(level, session.start[0], session.ended) for level in levels]
+    start = played[0][0].begin - WINDOW_TICK * session.windows[0][0][1] if played[0] else 0
+    if not session.start[0] <= start <= session.start[1]:
+        wrong.append(f"windows begin at {start}")
+    return wrong + [text for windows, pulses in zip(session.windows, played) for text in judge_windows(windows, pulses, start)]
+
+
+class RandomTest(unittest.TestCase):
+    """Drives and windows that nobody has chosen, the same ones every time."""
+
+    def test_pulses_are_what_was_requested(self):
+        for seed in range(RANDOM_SESSIONS):
+            rng = random.Random(seed)
+            volts = [rng.randrange(100, 600), rng.randrange(100, 600)]
+            drives = tuple(choose_drives(rng, volts) for _ in range(RANDOM_SETS))
+            with self.subTest(seed):
+                self.assertEqual(judge_session(Session(drives, choose_windows(rng))), [], drives)
+
+
 class FirmwareTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.session = Session()
 
     def judge_session(self, timer=None, alter=None):
-        """All that is wrong with the session, with the registers of a timer altered."""
-        session, snapshots = self.session, copy.deepcopy(self.session.snapshots)
-        for _, registers in snapshots if alter else ():
-            alter(registers[timer])
-        levels = list(rebuild_levels(snapshots, session.ended).values())
-        first = session.driven[0][0]
-        wrong = [text for level in levels for text in judge_pins(level, first, session.ended)]
-        for index, (drives, (_, settled, end, *_)) in enumerate(zip(DRIVES, session.driven)):
-            steady = [list_pulses(level, settled, end) for level in levels]
-            for channel, drive in enumerate(drives):
-                wrong += judge_drives(steady[channel], [drive])
-                wrong += judge_drives(list_pulses(levels[channel], first, end), [of[channel] for of in DRIVES[:index + 1]])
-            wrong += judge_phase(drives[:2], steady[:2])
-        played = [list_pulses(level, session.start[0], session.ended) for level in levels]
-        start = played[0][0].begin - WINDOW_TICK * WINDOWS[0][0][1] if played[0] else 0
-        if not session.start[0] <= start <= session.start[1]:
-            wrong.append(f"windows begin at {start}")
-        return wrong + [text for windows, pulses in zip(WINDOWS, played) for text in judge_windows(windows, pulses, start)]
+        return judge_session(self.session, timer, alter)
 
     def assert_found(self, timer, alter, *words):
         wrong = self.judge_session(timer, alter)
