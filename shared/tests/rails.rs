@@ -211,6 +211,29 @@ fn a_measurement_that_was_wrong_does_not_call_a_rail_safe() {
     is_safe_after_bleeding(&mut bench);
 }
 
+/// Whoever opens the enclosure is told of rails that stay charged, although the interlock was noticed first.
+#[test]
+fn another_fault_does_not_hide_a_dead_discharge_switch() {
+    let mut bench = Bench::new();
+    bench.arm_and_await_armed();
+    let drive = ChannelDrive { voltage_millivolts: 1_000_000, ..make_drive(0) };
+    bench.send_request(&Request::SetDrives { drives: Short::from_slice(&[drive]).unwrap() });
+    bench.wait_ms(80);
+    bench.board.circuit.dead_discharge = true;
+    bench.board.trip = Some((FaultCode::EmergencyStop, 0));
+    bench.wait_ms(40);
+    let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
+    assert_eq!((fault.code, fault.count), (FaultCode::EmergencyStop, 2), "the slow discharge is counted");
+    assert_eq!(
+        bench.send_request(&Request::ClearFaults),
+        Reply::Refused(Refusal::StillThere(FaultCode::DischargeSlow))
+    );
+    // The bleeders need a second or less.
+    bench.wait_ms(900);
+    assert!(bench.board.circuit.rails[0] < 60_000.0, "{:?}", bench.board.circuit.rails);
+    assert_eq!(bench.send_request(&Request::ClearFaults), Reply::FaultsCleared);
+}
+
 /// A dead discharge switch is noticed at the first stop and at the next arming, although the bleeders discharge the rails within the
 /// second that is allowed.
 #[test]

@@ -521,6 +521,12 @@ pub const MUTATIONS: &[Mutation] = &[
         "&& matches!(self.phase, SelfTestPhase::Discharge)",
     ),
     new_mutation(
+        "another fault hides a slow discharge",
+        "shared/src/device/answers.rs",
+        "                if self.discharges_slowly {\n                    return Err(",
+        "                if self.discharges_slowly && self.still_charged {\n                    return Err(",
+    ),
+    new_mutation(
         "faults are numbered from 1 after every start",
         "shared/src/device/mod.rs",
         "self.safety.number_faults_after_boot_id(board.info().boot_id);",
