@@ -125,9 +125,7 @@ pub fn parse_outgoing_http_proxy(text: &str) -> Result<HostPort, String> {
     let has_scheme = text.get(..SCHEME.len()).is_some_and(|first| first.eq_ignore_ascii_case(SCHEME));
     let rest = if has_scheme { text.get(SCHEME.len()..).unwrap_or_default() } else { text };
     rest.trim_end_matches('/').parse().map_err(|error| {
-        format!(
-            "the address of a proxy cannot be used (only http:// may stand before ADDRESS:PORT or NAME:PORT): {error}"
-        )
+        format!("the address of a proxy must have the form http://HOST:PORT, and this address cannot be used: {error}")
     })
 }
 

@@ -59,8 +59,8 @@ pub fn read_lofelt_text(text: &str) -> Result<EventList, ReadError> {
         let mean = find_mean_level(&sharpness).unwrap_or(0.0);
         if sharpness.iter().any(|point| (point.level - mean).abs() > 0.1) {
             list.warn(format!(
-                "the frequency of the vibration (envelopes.frequency) changes over time, but a vibration has one \
-                 sharpness: the mean sharpness {mean:.2} is used"
+                "envelopes.frequency, which sets the sharpness of the vibration, changes over time, but the program plays \
+                 a vibration with one constant sharpness: the mean, {mean:.2}, is used"
             ));
         }
         list.add_event_within_limits(

@@ -353,7 +353,7 @@ impl Expansion {
         self.made += 1;
         if self.made > MAX_EVENTS {
             let (field, allowed) = (
-                format!("the number of events from the start of the file to {path}"),
+                format!("the number of events in the file up to and including {path}"),
                 format!(
                     "at \
                                              most {MAX_EVENTS}"
@@ -492,7 +492,7 @@ mod tests {
         }
         let many = "version = 1\nrepeat = { count = 1000, period_ms = 1 }\n[[events]]\nprimitive = \"success\"";
         assert!(read(many).unwrap_err().contains(
-            "the number of events from the start of the file to events[0] is 1001, but must be at most 1000"
+            "the number of events in the file up to and including events[0] is 1001, but must be at most 1000"
         ));
         let empty = (0..4)
             .fold("[]".to_owned(), |inner, _| format!("[{{\"repeat\": {{\"count\": 1000}}, \"events\": {inner}}}]"));

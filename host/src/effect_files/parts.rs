@@ -433,7 +433,7 @@ mod tests {
             cut_events_into_parts(&make_event_list(vec![make_vibration(0.0, 30.0, 1.0, &points)])).unwrap();
         assert!(parts.len() <= MAX_ENVELOPES && !parts.is_empty(), "{}", parts.len());
         assert!(
-            warnings.iter().any(|warning| warning.contains("a smaller error needs too many segments")),
+            warnings.iter().any(|warning| warning.contains("a smaller error would need too many segments")),
             "{warnings:?}"
         );
         assert!(parts.iter().all(|part| matches!(&part.content, PartContent::Envelope(own) if own.len() <= SEGMENTS)));
