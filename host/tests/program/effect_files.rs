@@ -257,7 +257,7 @@ fn what_cannot_be_played_is_refused_with_the_field() {
         (json!({}), 400, "effect", "`effect`, `file` and `file_base64` are missing"),
         (json!({"effect": event(json!({"primitive": "click"})), "file": AHAP}), 400, "effect", "only one is allowed"),
         (json!({"file": AHAP, "file_base64": ""}), 400, "file", "only one is allowed"),
-        (json!({"file_base64": "UklGR"}), 400, "file_base64", "no base64 text"),
+        (json!({"file_base64": "UklGR"}), 400, "file_base64", "not base64 text"),
         (json!({"file_base64": "UklGRgAAAAA="}), 400, "file_base64", "WAV"),
         (
             json!({"effect": event(json!({"primitive": "click"})), "format": "json"}),
