@@ -2,6 +2,7 @@
 
 mod support;
 
+use era_shared::circuit::SUPPLY_TIME_CONSTANT_MICROSECONDS;
 use era_shared::protocol::*;
 use era_shared::safety::SafetyState;
 use heapless::Vec as Short;
@@ -209,6 +210,33 @@ fn a_measurement_that_was_wrong_does_not_call_a_rail_safe() {
     bench.wait_ms(10);
     assert_eq!(bench.send_request(&Request::Stop), Reply::Stopped);
     is_safe_after_bleeding(&mut bench);
+}
+
+/// A supply as slow as it may be feeds both rails against their closed discharge switches when their set-points are lowered: up to 2 mA each,
+/// beside what the drives take. That is no over-current.
+#[test]
+fn lowering_both_rails_is_no_over_current() {
+    for follow_us in [500.0, 1_000.0, f64::from(SUPPLY_TIME_CONSTANT_MICROSECONDS)] {
+        for volts in [1_900, 1_850, 1_800, 1_500, 1_000, 500, 200] {
+            let drives = |volts: u32| {
+                let drive = |channel| ChannelDrive { voltage_millivolts: volts * 1_000, ..make_drive(channel) };
+                Request::SetDrives { drives: (0..4).map(drive).collect() }
+            };
+            let mut bench = Bench::new();
+            bench.board.circuit.parts.follow_us = follow_us;
+            bench.arm_and_await_armed();
+            for (volts, ms) in [(2_000, 200), (volts, 60), (2_000, 200)] {
+                let reply = bench.send_request(&drives(volts));
+                assert!(matches!(reply, Reply::DrivesSet { .. }), "{reply:?}");
+                for _ in 0..ms / 10 {
+                    bench.wait_ms(10);
+                    bench.send_request(&Request::KeepAlive);
+                }
+                let Reply::Faults { latched } = bench.send_request(&Request::Faults) else { panic!() };
+                assert_eq!(latched, None, "{volts} V, {follow_us} us");
+            }
+        }
+    }
 }
 
 /// Whoever opens the enclosure is told of rails that stay charged, although the interlock was noticed first.

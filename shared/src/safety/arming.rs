@@ -95,13 +95,15 @@ pub struct SelfTest {
     since_us: u64,
     /// Channels that the board has.
     channels: usize,
+    /// Whether a rail was too high at the look before.
+    was_excessive: bool,
 }
 
 impl SelfTest {
     /// A self-test of a board with so many channels that begins at `now_us`.
     #[must_use]
     pub const fn new(now_us: u64, channels: usize) -> Self {
-        Self { phase: SelfTestPhase::Discharge, since_us: now_us, channels }
+        Self { phase: SelfTestPhase::Discharge, since_us: now_us, channels, was_excessive: false }
     }
 
     /// Takes the next step of the self-test. To be called every ms with fresh readings. While `rails_trusted` is false, a rail that
@@ -125,7 +127,10 @@ impl SelfTest {
         let is_first_or_last = |place: usize| place == 0 || place == 2 * self.channels;
         // A set-point that is stuck high: before the over-voltage comparators have been tried, nothing else ends it.
         let excessive = (1_u32..).zip(readings.rail_millivolts).find(|(_, rail)| *rail > HIGHEST_TEST_MILLIVOLTS);
+        // Twice, so that one disturbed conversion is none.
+        let was_excessive = core::mem::replace(&mut self.was_excessive, excessive.is_some());
         if let Some((rail, millivolts)) = excessive
+            && was_excessive
             && !matches!(self.phase, SelfTestPhase::Discharge)
         {
             return SelfTestVerdict::Failed((FaultCode::RailImplausible, rail * 10_000 + millivolts / 1000));

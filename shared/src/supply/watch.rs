@@ -1,7 +1,7 @@
 //! Whether the readings are plausible and within the limits.
 
 use super::{RAILS, SensorReadings, SupplyCommand};
-use crate::circuit::AVERAGE_FULL_SCALE_MICROAMPS;
+use crate::circuit::{AVERAGE_FULL_SCALE_MICROAMPS, DISCHARGE_OHMS, RESISTANCE_TOLERANCE_PERCENT, subtract_percent};
 use crate::limits::{
     COLLAPSE_FROM_MILLIVOLTS, COLLAPSE_PERCENT, DISCHARGE_LIMIT_MS, FORGIVING_RATIO, IMPLAUSIBLE_AFTER_MS,
     OVER_CURRENT_MEAN_MICROSECONDS, OVER_CURRENT_MICROAMPS, OVER_VOLTAGE_MILLIVOLTS, RAIL_TOLERANCE_MILLIVOLTS,
@@ -24,6 +24,8 @@ pub struct SupplyMonitor {
     discharging_since_us: [Option<u64>; RAILS],
     /// Per rail when its set-point was last lowered.
     lowered_us: [Option<u64>; RAILS],
+    /// The most that flowed through discharge switches in uA when they were last closed, and when that was.
+    through_switches: Option<(u32, u64)>,
     /// Mean of the average current in nA.
     mean_nanoamps: u64,
 }
@@ -39,6 +41,7 @@ impl SupplyMonitor {
             implausible: [ConditionTime::NONE; RAILS],
             discharging_since_us: [None; RAILS],
             lowered_us: [None; RAILS],
+            through_switches: None,
             mean_nanoamps: 0,
         }
     }
@@ -126,19 +129,61 @@ impl SupplyMonitor {
                 return Some((FaultCode::RailImplausible, detail));
             }
         }
-        let mean_microamps = self.update_mean_current_microamps(readings.average_microamps, elapsed_us);
+        let through_switches_microamps = self.update_most_current_through_discharge_switches_microamps(
+            now_us,
+            most_current_through_closed_discharge_switches_microamps(readings, supply),
+        );
+        let mean_microamps =
+            self.update_mean_current_microamps(readings.average_microamps, through_switches_microamps, elapsed_us);
         (mean_microamps > OVER_CURRENT_MICROAMPS).then_some((FaultCode::OverCurrent, mean_microamps))
     }
 
-    /// The mean of the average current after a reading that stands for the time since the one before.
-    fn update_mean_current_microamps(&mut self, microamps: u32, elapsed_us: u64) -> u32 {
+    /// The most that the measured current has of what flows through discharge switches, in uA: its filter and its mean keep what flowed before
+    /// they opened.
+    fn update_most_current_through_discharge_switches_microamps(&mut self, now_us: u64, microamps: u32) -> u32 {
+        if microamps > 0 {
+            self.through_switches = Some((microamps, now_us));
+        }
+        let recent = self.through_switches.filter(|(_, at_us)| now_us.saturating_sub(*at_us) < SWITCH_CURRENT_FADES_US);
+        recent.map_or(0, |(microamps, _)| microamps)
+    }
+
+    /// The mean of the average current after a reading that stands for the time since the one before, without what flows through discharge
+    /// switches.
+    fn update_mean_current_microamps(
+        &mut self,
+        microamps: u32,
+        through_switches_microamps: u32,
+        elapsed_us: u64,
+    ) -> u32 {
         // A current that is not measured counts as the largest.
-        let measured_nanoamps = u64::from(microamps.min(AVERAGE_FULL_SCALE_MICROAMPS)) * 1_000;
+        let counted_microamps = match microamps {
+            0..=AVERAGE_FULL_SCALE_MICROAMPS => microamps.saturating_sub(through_switches_microamps),
+            _ => AVERAGE_FULL_SCALE_MICROAMPS,
+        };
+        let measured_nanoamps = u64::from(counted_microamps) * 1_000;
         let older_us = OVER_CURRENT_MEAN_MICROSECONDS.saturating_sub(elapsed_us);
         self.mean_nanoamps =
             (self.mean_nanoamps * older_us + measured_nanoamps * elapsed_us) / OVER_CURRENT_MEAN_MICROSECONDS;
         u32::try_from(self.mean_nanoamps / 1_000).unwrap_or(u32::MAX)
     }
+}
+
+/// How long a current is still measured after it has ended, in us: 4 time constants of the filter of 1 ms, the converter's mean of 1 ms, and a ms
+/// until the next look.
+const SWITCH_CURRENT_FADES_US: u64 = 6_000;
+
+/// The most that flows through the discharge switches that are closed, in uA: a supply whose set-point was lowered falls more slowly than its
+/// rail, and feeds it against its switch. That lasts for as long as a rail may be above its set-point, 13 ms, and is none of the current of the
+/// drives or of a fault. The current is that of a ms before, so the rail counts with what it has lost since, an eighth at most.
+fn most_current_through_closed_discharge_switches_microamps(readings: &SensorReadings, supply: &SupplyCommand) -> u32 {
+    let ohms = subtract_percent(u64::from(DISCHARGE_OHMS), RESISTANCE_TOLERANCE_PERCENT);
+    let through = |(millivolts, is_closed): (u32, bool)| {
+        let microamps = u64::from(millivolts.min(OVER_VOLTAGE_MILLIVOLTS)) * 1_000 / ohms;
+        if is_closed { microamps + microamps / 8 } else { 0 }
+    };
+    let sum: u64 = readings.rail_millivolts.into_iter().zip(supply.discharge).map(through).sum();
+    u32::try_from(sum).unwrap_or(u32::MAX)
 }
 
 /// Longest time in us between two readings that counts: after a pause nobody knows what was in between.

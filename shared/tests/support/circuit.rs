@@ -290,7 +290,8 @@ impl Circuit {
                 let charge = (*follows - *volts) * parts.rail_picofarads * after(SOURCE_US);
                 *volts += charge / parts.rail_picofarads;
                 // mV over ohm and times us is 1e6 fC.
-                delivered += charge + *volts / bleeds * step_us * 1e6;
+                let switch = if closed { 1.0 / DISCHARGE_OHMS } else { 0.0 };
+                delivered += charge + *volts * (1.0 / bleeds + switch) * step_us * 1e6;
             } else {
                 *volts -= *volts * after(bleeds * parts.rail_picofarads * 1e-6);
             }

@@ -65,11 +65,37 @@ pub fn check_electrode_currents(board: &mut EmulatedBoard, table: &mut ReportTab
             add_rows_of_total_current_and_no_fault_of_intact_electrodes(board, table, &name, frequency_millihertz)
         });
     }
+    for volts in [1_850, 1_000, 500] {
+        let name = format!("both rails lowered from 2000 V to {volts} V");
+        table.run_part_adding_row_on_error(&name, |table| add_row_of_lowered_rails(board, table, &name, volts));
+    }
     for broken in &BROKEN {
         table.run_part_adding_row_on_error(broken.name, |table| {
             add_rows_of_broken_electrode_while_driving(board, table, broken)
         });
     }
+}
+
+/// While the set-points fall, the supply feeds both rails against their closed discharge switches, beside four drives that take nearly all that the
+/// supply may deliver. That is no over-current.
+fn add_row_of_lowered_rails(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+    name: &str,
+    volts: u32,
+) -> Result<(), Error> {
+    let drives = |volts: u32| [0, 1, 2, 3].map(|channel| make_drive(channel, 200_000, 600_000, 0, volts * 1_000));
+    power_cycle_arm_and_set_drives(board, &drives(2_000))?;
+    board.advance_time_with_keep_alives(0.2)?;
+    let refused = board.set_drives(&drives(volts))?;
+    board.advance_time_with_keep_alives(0.1)?;
+    let rails = board.read_set_points_and_rail_voltages()?.rail_volts;
+    let fault = board.read_latched_fault()?.map(|fault| (fault.code, fault.detail));
+    let is_there = rails.into_iter().all(|rail| (rail - f64::from(volts)).abs() < 0.1 * f64::from(volts));
+    let seen = format!("{refused:?}, rails at {:.0} V and {:.0} V, fault {fault:?}", rails[0], rails[1]);
+    let expected = format!("no refusal, rails within 10 % of {volts} V, no fault");
+    table.add_row(name, &expected, &seen, refused.is_none() && is_there && fault.is_none());
+    Ok(())
 }
 
 fn power_cycle_arm_and_set_drives(board: &mut EmulatedBoard, drives: &[ChannelDrive]) -> Result<(), Error> {

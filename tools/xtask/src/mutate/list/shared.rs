@@ -521,6 +521,12 @@ pub const MUTATIONS: &[Mutation] = &[
         "&& matches!(self.phase, SelfTestPhase::Discharge)",
     ),
     new_mutation(
+        "the current through discharge switches counts as an over-current",
+        "shared/src/supply/watch.rs",
+        "microamps.saturating_sub(through_switches_microamps)",
+        "microamps.saturating_sub(through_switches_microamps / 4)",
+    ),
+    new_mutation(
         "another fault hides a slow discharge",
         "shared/src/device/answers.rs",
         "                if self.discharges_slowly {\n                    return Err(",
