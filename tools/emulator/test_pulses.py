@@ -38,7 +38,7 @@ def choose_drives(rng, volts):
     frequencies = [shared, shared, round(rng.uniform(20, 400), 2), round(rng.uniform(20, 400), 2)]
     widest = lambda hertz: 1 - 2 * hertz * GUARD_S
     return tuple(
-        Drive(hertz, round(rng.uniform(0.3, widest(hertz)), 4), round(rng.random(), 4), volts[channel % 2]) for channel, hertz in enumerate(frequencies)
+        Drive(hertz, round(rng.uniform(0.3, widest(hertz) - 1e-3), 4), round(rng.random(), 4), volts[channel % 2]) for channel, hertz in enumerate(frequencies)
     )
 
 

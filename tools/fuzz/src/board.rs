@@ -92,7 +92,7 @@ impl Default for WatchedBoard {
             info: BoardInfo {
                 board: BoardKind::Simulated,
                 board_id: *b"fuzzed board",
-                boot_id: 1,
+                boot_id: 0,
                 reset_cause: ResetCause::PowerOn,
                 image: heapless::String::new(),
                 firmware: FirmwareVersion { major: 0, minor: 1, patch: 0, commit: *b"00000000" },
