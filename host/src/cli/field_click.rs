@@ -70,7 +70,7 @@ pub fn compute_and_write_click_map_refusing_other_effects(options: &Field, effec
 /// The figures of a map, and the places that are not crisp, those that are quiet last first.
 fn describe_click_map(map: &ClickMap) -> String {
     let mut text = format!(
-        "crisp (peak within 15 ms, motion below a tenth of the peak within {} ms): {:.0} % of {} places",
+        "crisp (from the start of the click: peak within 15 ms, motion below a tenth of the peak after {} ms): {:.0} % of {} places",
         map.crisp_ms,
         1e2 * map.crisp_share(),
         map.places().count()

@@ -125,7 +125,7 @@ fn clicks_are_mapped() {
     let text = &output.out;
     let words = [
         "clicks of 0.5 g",
-        "crisp (peak within 15 ms, motion below a tenth of the peak within 45 ms)",
+        "crisp (from the start of the click: peak within 15 ms, motion below a tenth of the peak after 45 ms)",
         "lowest peak",
         "quiet time (median)",
     ];
