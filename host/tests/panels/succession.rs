@@ -49,7 +49,6 @@ fn plans_at_the_limit_stay_within_it_one_after_the_other() {
         (46, [(0.87, 0.13), (0.5, 0.5)]),
         (283, [(0.31, 0.62), (0.5, 0.5)]),
         (80, [(0.87, 0.13), (0.5, 0.5)]),
-        (84, [(0.87, 0.13), (0.31, 0.62)]),
     ] {
         let text = random_scene_text(11, number);
         // Without resistors, which come last: they weaken the forces, and these scenes were chosen for what their full forces do.
