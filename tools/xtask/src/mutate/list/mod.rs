@@ -1,6 +1,7 @@
 //! The mistakes: what is wrong, where, and how.
 
 mod firmware;
+mod readers;
 mod shared;
 
 use super::board_checks::BoardCheck;
@@ -45,5 +46,5 @@ const fn new_undetectable_mutation(
 
 /// All of them.
 pub fn list_mutations() -> impl Iterator<Item = &'static Mutation> {
-    shared::MUTATIONS.iter().chain(firmware::MUTATIONS)
+    shared::MUTATIONS.iter().chain(readers::MUTATIONS).chain(firmware::MUTATIONS)
 }
