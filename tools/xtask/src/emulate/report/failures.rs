@@ -33,8 +33,9 @@ const PARITY_ON: u32 = DELIVERED & !(1 << 24);
 /// The part of the stack that the firmware may use, and steps in which words of the rest are looked at, in bytes.
 const STACK_IN_USE: u32 = 16 * 1024;
 const STACK_STEP: usize = 1_020;
-/// After a reset, in ms: the start-up code prepares memory before the firmware's first lines.
-const PINS_LOW_MS: f64 = 1.0;
+/// After a reset, in ms: the start-up code prepares memory before the firmware's first lines, 0.085 ms here. The trial of the watchdog takes
+/// 4 periods of 32 kHz more, 0.125 ms.
+const PINS_LOW_MS: f64 = 0.15;
 /// The first word of each copy of the run's record ("RARE" in the order of memory).
 const RECORD_MAGIC: u32 = 0x4552_4152;
 /// The CCM SRAM behind the other memory (RM0440, section 2.2): it has parity, and the stack begins at its end.
