@@ -24,7 +24,7 @@ pub struct SupplyMonitor {
     discharging_since_us: [Option<u64>; RAILS],
     /// Per rail when its set-point was last lowered.
     lowered_us: [Option<u64>; RAILS],
-    /// The most that flowed through discharge switches in uA when they were last closed, and when that was.
+    /// The most that flowed through discharge switches of late in uA, and when that was.
     through_switches: Option<(u32, u64)>,
     /// Mean of the average current in nA.
     mean_nanoamps: u64,
@@ -141,11 +141,10 @@ impl SupplyMonitor {
     /// The most that the measured current has of what flows through discharge switches, in uA: its filter and its mean keep what flowed before
     /// they opened.
     fn update_most_current_through_discharge_switches_microamps(&mut self, now_us: u64, microamps: u32) -> u32 {
-        if microamps > 0 {
-            self.through_switches = Some((microamps, now_us));
-        }
         let recent = self.through_switches.filter(|(_, at_us)| now_us.saturating_sub(*at_us) < SWITCH_CURRENT_FADES_US);
-        recent.map_or(0, |(microamps, _)| microamps)
+        let most = recent.filter(|(before, _)| *before > microamps).unwrap_or((microamps, now_us));
+        self.through_switches = Some(most);
+        most.0
     }
 
     /// The mean of the average current after a reading that stands for the time since the one before, without what flows through discharge
