@@ -168,18 +168,18 @@ impl SupplyMonitor {
     }
 }
 
-/// How long a current is still measured after it has ended, in us: 4 time constants of the filter of 1 ms, the converter's mean of 1 ms, and a ms
+/// How long a current is still measured after it has ended, in us: 8 time constants of the filter of 1 ms, the converter's mean of 1 ms, and a ms
 /// until the next look.
-const SWITCH_CURRENT_FADES_US: u64 = 6_000;
+const SWITCH_CURRENT_FADES_US: u64 = 10_000;
 
 /// The most that flows through the discharge switches that are closed, in uA: a supply whose set-point was lowered falls more slowly than its
 /// rail, and feeds it against its switch. That lasts for as long as a rail may be above its set-point, 13 ms, and is none of the current of the
-/// drives or of a fault. The current is that of a ms before, so the rail counts with what it has lost since, an eighth at most.
+/// drives or of a fault. The current is that of some ms before, so the rail counts with what it has lost since; a half more covers that.
 fn most_current_through_closed_discharge_switches_microamps(readings: &SensorReadings, supply: &SupplyCommand) -> u32 {
     let ohms = subtract_percent(u64::from(DISCHARGE_OHMS), RESISTANCE_TOLERANCE_PERCENT);
     let through = |(millivolts, is_closed): (u32, bool)| {
         let microamps = u64::from(millivolts.min(OVER_VOLTAGE_MILLIVOLTS)) * 1_000 / ohms;
-        if is_closed { microamps + microamps / 8 } else { 0 }
+        if is_closed { microamps + microamps / 2 } else { 0 }
     };
     let sum: u64 = readings.rail_millivolts.into_iter().zip(supply.discharge).map(through).sum();
     u32::try_from(sum).unwrap_or(u32::MAX)

@@ -45,7 +45,7 @@ pub const MUTATIONS: &[Mutation] = &[
         "the current through discharge switches counts as an over-current",
         "shared/src/supply/watch.rs",
         "microamps.saturating_sub(through_switches_microamps)",
-        "microamps.saturating_sub(through_switches_microamps / 4)",
+        "microamps.saturating_sub(through_switches_microamps / 8)",
     ),
     new_mutation(
         "another fault hides a slow discharge",
