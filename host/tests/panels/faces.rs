@@ -1,6 +1,6 @@
 //! One answer, wherever it is asked for: on the command line with the table computed, being kept and kept; over HTTP; from the library.
 
-use crate::spec::{Spec, hold, on, point, scenes};
+use crate::spec::{Spec, assert_holds_for_random_inputs, on, point, scenes};
 use crate::support::Daemon;
 use crate::support::program::{build_era_command, run_command};
 use era::model::{Accuracy, compute_modes_with_error_bounds};
@@ -26,7 +26,7 @@ fn essence(answer: &Value) -> Value {
 /// Seen to fail with an intensity that is 1e-6 more over HTTP.
 #[test]
 fn a_plan_is_the_same_everywhere() {
-    hold(3, (scenes(), point()), |(spec, at)| {
+    assert_holds_for_random_inputs(3, (scenes(), point()), |(spec, at)| {
         let spec = Spec { screen: Some(([1000, 700], [0.0, 0.0, spec.size_mm[0], spec.size_mm[1]])), ..spec };
         let folder = tempfile::tempdir().unwrap();
         let (file, cache) = (folder.path().join("scene.toml"), folder.path().join("cache"));
@@ -70,11 +70,11 @@ fn alike(a: &[f64], b: &[f64]) -> bool {
 
 #[test]
 fn modes_and_responses_are_the_librarys() {
-    hold(4, (scenes(), point()), |(spec, at)| {
+    assert_holds_for_random_inputs(4, (scenes(), point()), |(spec, at)| {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("scene.toml");
         std::fs::write(&file, spec.text()).unwrap();
-        let (file, scene) = (file.to_str().unwrap(), spec.scene());
+        let (file, scene) = (file.to_str().unwrap(), spec.parse_scene());
         let at = on(&spec, at);
         let printed = run_era_with_cache(&["modes", "--scene", file, "--max-hz", "400", "--json"], folder.path())?;
         let found = compute_modes_with_error_bounds(&scene, Accuracy::BALANCED, 400.0).unwrap();

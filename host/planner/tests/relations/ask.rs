@@ -36,9 +36,12 @@ pub fn answers(spec: &Spec, at_mm: [f64; 2]) -> Result<Answers, TestCaseError> {
 
 /// The same with frequencies in units of `1 / time` Hz.
 pub fn answers_in(spec: &Spec, at_mm: [f64; 2], time: f64) -> Result<Answers, TestCaseError> {
-    let found =
-        compute_modes_with_error_bounds(&spec.scene(), Accuracy::from_tolerance(TOLERANCE).unwrap(), HIGHEST_HZ / time)
-            .map_err(|error| TestCaseError::fail(format!("{error}\n{}", spec.text())))?;
+    let found = compute_modes_with_error_bounds(
+        &spec.parse_scene(),
+        Accuracy::from_tolerance(TOLERANCE).unwrap(),
+        HIGHEST_HZ / time,
+    )
+    .map_err(|error| TestCaseError::fail(format!("{error}\n{}", spec.text())))?;
     let modes = found.answer.iter().zip(&found.bounds).map(|(mode, own)| (mode.frequency_hz, number(*own))).collect();
     Ok(Answers { modes, curves: curves_in(spec, at_mm, time)? })
 }
@@ -56,7 +59,7 @@ pub fn curves_in(spec: &Spec, at_mm: [f64; 2], time: f64) -> Result<Vec<Curve>, 
 pub fn curves_at(spec: &Spec, at_mm: [f64; 2], frequencies_hz: &[f64]) -> Result<Vec<Curve>, TestCaseError> {
     let at = (at_mm[0] / 1e3, at_mm[1] / 1e3);
     let found = compute_acceleration_curves_per_newton_with_error_bounds(
-        &spec.scene(),
+        &spec.parse_scene(),
         Accuracy::from_tolerance(TOLERANCE).unwrap(),
         at,
         frequencies_hz,
@@ -118,7 +121,7 @@ pub fn same(name: &str, a: (&Spec, &Answers), b: (&Spec, &Answers), factors: Fac
 
 /// An acceleration per newton that is as good as none: a millionth of the whole surface's under the same force, as at a clamped edge.
 pub fn nothing(spec: &Spec) -> f64 {
-    1e-6 / spec.scene().surface_mass_with_air_kg()
+    1e-6 / spec.parse_scene().surface_mass_with_air_kg()
 }
 
 /// Largest difference of two curves, the second divided by `factor`, relative to the first one's peak.

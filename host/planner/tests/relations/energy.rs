@@ -1,7 +1,7 @@
 //! Reciprocity, passivity, and the mean square over the surface.
 
 use crate::ask::{curves_in, nothing};
-use crate::spec::{HIGHEST_HZ, Spec, hold, on, point, scenes};
+use crate::spec::{HIGHEST_HZ, Spec, assert_holds_for_random_inputs, on, point, scenes};
 use era_model::model::{Accuracy, PanelModel, ReducedModel};
 use era_model::response::solve_coordinates_per_newton_at_frequency;
 use era_planner::{PlanTable, TableOptions};
@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 /// coordinate of the forces.
 #[test]
 fn any_two_points_are_reciprocal() {
-    hold(12, (scenes(), point(), point()), |(spec, p, q)| {
+    assert_holds_for_random_inputs(12, (scenes(), point(), point()), |(spec, p, q)| {
         let (p, q) = (on(&spec, p), on(&spec, q));
         let both = spec.with_probe("p", p).with_probe("q", q);
         let curve = |at: [f64; 2], id: &str| {
@@ -36,7 +36,7 @@ fn any_two_points_are_reciprocal() {
 /// their lower triangles.
 #[test]
 fn a_model_is_reciprocal_to_rounding() {
-    hold(16, (scenes(), point(), point(), 30.0..HIGHEST_HZ), |(spec, p, q, hz)| {
+    assert_holds_for_random_inputs(16, (scenes(), point(), point(), 30.0..HIGHEST_HZ), |(spec, p, q, hz)| {
         let both = spec.with_probe("p", on(&spec, p)).with_probe("q", on(&spec, q));
         let n = both.eras.len();
         let model = reduced(&both)?;
@@ -55,7 +55,7 @@ fn a_model_is_reciprocal_to_rounding() {
 #[test]
 fn panels_take_power() {
     let forces = prop::collection::vec((-1.0..1.0_f64, -1.0..1.0_f64), 4);
-    hold(16, (scenes(), forces, 5.0..HIGHEST_HZ), |(spec, forces, hz)| {
+    assert_holds_for_random_inputs(16, (scenes(), forces, 5.0..HIGHEST_HZ), |(spec, forces, hz)| {
         let model = reduced(&spec)?;
         let coordinates = solved(&model, hz)?;
         let n = spec.eras.len();
@@ -85,7 +85,7 @@ fn panels_take_power() {
 
 fn reduced(spec: &Spec) -> Result<ReducedModel, TestCaseError> {
     let fail = |error: era_model::model::ModelError| TestCaseError::fail(format!("{error}\n{}", spec.text()));
-    PanelModel::build(&spec.scene(), Accuracy::BALANCED, HIGHEST_HZ)
+    PanelModel::build(&spec.parse_scene(), Accuracy::BALANCED, HIGHEST_HZ)
         .and_then(|model| model.reduce_with_residual_shapes_of_actuators_damping_and_points(HIGHEST_HZ, &[]))
         .map_err(fail)
 }
@@ -113,11 +113,11 @@ fn bare(mut spec: Spec) -> Spec {
 /// points; 1e-4 is allowed. Seen to fail with one coordinate left out.
 #[test]
 fn the_mean_square_is_that_of_the_mass_matrix() {
-    hold(12, (scenes(), 40.0..HIGHEST_HZ), |(spec, hz)| {
+    assert_holds_for_random_inputs(12, (scenes(), 40.0..HIGHEST_HZ), |(spec, hz)| {
         let spec = bare(spec);
         let model = reduced(&spec)?;
         let by_mass = |q: &DVector<Complex64>| {
-            q.iter().map(|q| q.norm_sqr()).sum::<f64>() / spec.scene().surface_mass_with_air_kg()
+            q.iter().map(|q| q.norm_sqr()).sum::<f64>() / spec.parse_scene().surface_mass_with_air_kg()
         };
         let coordinates = solved(&model, hz)?;
         let points = gauss(if spec.is_bar { 40 } else { 8 });
@@ -147,9 +147,9 @@ fn the_mean_square_is_that_of_the_mass_matrix() {
 /// The planner's own quadrature promises three digits of any motion, 1e-3, and twice that is allowed. Seen to fail with 0.3 % more.
 #[test]
 fn the_planner_has_the_same_mean_square() {
-    hold(8, scenes(), |spec| {
+    assert_holds_for_random_inputs(8, scenes(), |spec| {
         let spec = bare(spec);
-        let scene = spec.scene();
+        let scene = spec.parse_scene();
         let options = TableOptions { step_hz: 20.0, ..TableOptions::default() };
         let table = PlanTable::build(&scene, reduced(&spec)?, options)
             .map_err(|error| TestCaseError::fail(format!("{error}\n{}", spec.text())))?;

@@ -1,7 +1,9 @@
 //! Two scene files for one panel.
 
 use crate::ask::{SAME, TOLERANCE, answers, apart, curves_at, nothing, same};
-use crate::spec::{EdgeSupport, HIGHEST_HZ, Mass, Support, hold, on, point, scenes, scenes_of};
+use crate::spec::{
+    EdgeSupport, HIGHEST_HZ, Mass, Support, assert_holds_for_random_inputs, on, point, scenes, scenes_of,
+};
 use era_model::model::Accuracy;
 use era_model::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use proptest::prelude::*;
@@ -10,7 +12,7 @@ use proptest::prelude::*;
 #[test]
 fn two_half_supports_are_one() {
     let with_supports = scenes().prop_filter("needs a support", |spec| !spec.supports.is_empty());
-    hold(6, (with_supports, point()), |(spec, at)| {
+    assert_holds_for_random_inputs(6, (with_supports, point()), |(spec, at)| {
         let at = on(&spec, at);
         let mut split = spec.clone();
         let half = split.supports.last_mut().unwrap();
@@ -26,7 +28,7 @@ fn two_half_supports_are_one() {
 /// plates and bars, and bars' ends. Seen to fail with 1 % more in the dashpots, and without the losses of supports.
 #[test]
 fn at_one_frequency_a_loss_factor_is_a_dashpot() {
-    hold(10, (scenes(), point(), 40.0..HIGHEST_HZ), |(mut spec, at, hz)| {
+    assert_holds_for_random_inputs(10, (scenes(), point(), 40.0..HIGHEST_HZ), |(mut spec, at, hz)| {
         let at = on(&spec, at);
         // Along a plate's side no dashpots make up for tape, at a bar's end against its slope none.
         if !spec.is_bar {
@@ -72,7 +74,7 @@ fn at_one_frequency_a_loss_factor_is_a_dashpot() {
 /// Written out as 0 it is not there. Seen to fail with 1e-3 for it.
 #[test]
 fn a_loss_factor_of_nothing_changes_nothing() {
-    hold(6, (scenes(), point()), |(mut spec, at)| {
+    assert_holds_for_random_inputs(6, (scenes(), point()), |(mut spec, at)| {
         let at = on(&spec, at);
         spec.supports.iter_mut().for_each(|support| support.loss_factor = 0.0);
         for held in &mut spec.edges {
@@ -85,7 +87,7 @@ fn a_loss_factor_of_nothing_changes_nothing() {
         let written = text.replace("[[support]]\n", &format!("[[support]]\n{zero}"));
         let written = written.replace("kind = \"elastic\"\n", &format!("kind = \"elastic\"\n{zero}"));
         let parsed = era_model::scene::Scene::parse("written", &written).unwrap();
-        prop_assert_eq!(&parsed, &spec.scene());
+        prop_assert_eq!(&parsed, &spec.parse_scene());
         let find = |scene: &era_model::scene::Scene| {
             let tolerance = Accuracy::from_tolerance(TOLERANCE).unwrap();
             compute_acceleration_curves_per_newton_with_error_bounds(
@@ -97,7 +99,7 @@ fn a_loss_factor_of_nothing_changes_nothing() {
             .unwrap()
             .answer
         };
-        prop_assert_eq!(find(&parsed), find(&spec.scene()));
+        prop_assert_eq!(find(&parsed), find(&spec.parse_scene()));
         Ok(())
     });
 }
@@ -105,7 +107,7 @@ fn a_loss_factor_of_nothing_changes_nothing() {
 /// Seen to fail with a gram for it.
 #[test]
 fn a_mass_of_nothing_changes_nothing() {
-    hold(10, (scenes(), point(), point()), |(spec, at, place)| {
+    assert_holds_for_random_inputs(10, (scenes(), point(), point()), |(spec, at, place)| {
         let at = on(&spec, at);
         let mut heavier = spec.clone();
         heavier.masses.push(Mass { at_mm: on(&spec, place), grams: 0.0 });
@@ -116,7 +118,7 @@ fn a_mass_of_nothing_changes_nothing() {
 /// A plate of which a strip at the right is cut away is a shorter plate. Seen to fail with a strip that leaves a millimetre more.
 #[test]
 fn a_strip_cut_off_makes_a_shorter_plate() {
-    hold(10, (scenes_of(false), point(), 20.0..150.0_f64), |(mut short, at, strip)| {
+    assert_holds_for_random_inputs(10, (scenes_of(false), point(), 20.0..150.0_f64), |(mut short, at, strip)| {
         // What held the right edge went with the strip.
         short.edges[1] = EdgeSupport::Free;
         let at = on(&short, at);
@@ -132,17 +134,21 @@ fn a_strip_cut_off_makes_a_shorter_plate() {
 /// patch 1 % thicker.
 #[test]
 fn a_patch_like_its_surface_is_none() {
-    hold(8, (scenes(), point(), (0.05..0.4_f64, 0.5..0.95_f64), any::<bool>()), |(spec, at, (from, to), whole)| {
-        let at = on(&spec, at);
-        let mut patched = spec.clone();
-        let [length, width] = spec.size_mm;
-        if whole {
-            patched.thickness_mm = 2.0 * spec.thickness_mm;
-            patched.patches.push(([0.0, 0.0, length, width], spec.thickness_mm));
-        } else {
-            let (y, across) = if spec.is_bar { (0.0, width) } else { (from * width, (to - from) * width) };
-            patched.patches.push(([from * length, y, (to - from) * length, across], spec.thickness_mm));
-        }
-        same("patch", (&spec, &answers(&spec, at)?), (&patched, &answers(&patched, at)?), SAME)
-    });
+    assert_holds_for_random_inputs(
+        8,
+        (scenes(), point(), (0.05..0.4_f64, 0.5..0.95_f64), any::<bool>()),
+        |(spec, at, (from, to), whole)| {
+            let at = on(&spec, at);
+            let mut patched = spec.clone();
+            let [length, width] = spec.size_mm;
+            if whole {
+                patched.thickness_mm = 2.0 * spec.thickness_mm;
+                patched.patches.push(([0.0, 0.0, length, width], spec.thickness_mm));
+            } else {
+                let (y, across) = if spec.is_bar { (0.0, width) } else { (from * width, (to - from) * width) };
+                patched.patches.push(([from * length, y, (to - from) * length, across], spec.thickness_mm));
+            }
+            same("patch", (&spec, &answers(&spec, at)?), (&patched, &answers(&patched, at)?), SAME)
+        },
+    );
 }

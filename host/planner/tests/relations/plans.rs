@@ -1,6 +1,6 @@
 //! Plans: what may only make them better, and what may not change them.
 
-use crate::spec::{Spec, hold, on, point, scenes};
+use crate::spec::{Spec, assert_holds_for_random_inputs, on, point, scenes};
 use era_model::model::{Accuracy, PanelModel};
 use era_planner::plan::Planned;
 use era_planner::{PlanTable, QuietZone, Request, SearchEffort, TableOptions, Target};
@@ -13,7 +13,7 @@ fn table(spec: &Spec) -> Result<PlanTable, TestCaseError> {
 
 fn table_at(spec: &Spec, accuracy: Accuracy) -> Result<PlanTable, TestCaseError> {
     let fail = |error: String| TestCaseError::fail(format!("{error}\n{}", spec.text()));
-    let (scene, options) = (spec.scene(), TableOptions::for_preview());
+    let (scene, options) = (spec.parse_scene(), TableOptions::for_preview());
     let model = PanelModel::build(&scene, accuracy, options.to_hz)
         .and_then(|model| model.reduce_with_residual_shapes_of_actuators_damping_and_points(options.to_hz, &[]));
     let model = model.map_err(|error| fail(error.to_string()))?;
@@ -27,7 +27,7 @@ fn request(spec: &Spec, at_mm: [f64; 2], intensity_g: f64) -> Request {
 
 /// In m, within the sides as the scene has them.
 fn on_surface(spec: &Spec, [x, y]: [f64; 2]) -> (f64, f64) {
-    let surface = spec.scene().surface;
+    let surface = spec.parse_scene().surface;
     ((x / 1e3).min(surface.length_m), (y / 1e3).min(surface.width_m))
 }
 
@@ -98,7 +98,7 @@ fn no_worse(
 /// Runs `relation` and sees to it that it could be held against something often enough.
 fn hold_often<S: Strategy>(cases: u32, inputs: S, relation: impl Fn(S::Value) -> Result<u32, TestCaseError>) {
     let (held, all) = (std::cell::Cell::new(0), std::cell::Cell::new(0));
-    hold(cases, inputs, |input| {
+    assert_holds_for_random_inputs(cases, inputs, |input| {
         let of = relation(input)?;
         held.set(held.get() + of);
         all.set(all.get() + 1);
@@ -174,7 +174,7 @@ fn a_wider_band_and_a_looser_limit_are_no_worse() {
 /// Seen to fail where every further plan wants 1e-9 more.
 #[test]
 fn the_same_touch_twice_is_the_same_plan() {
-    hold(6, (scenes(), point()), |(spec, at)| {
+    assert_holds_for_random_inputs(6, (scenes(), point()), |(spec, at)| {
         let (first, second) = (table(&spec)?, table(&spec)?);
         for wish in WISHES_G {
             let request = request(&spec, on(&spec, at), wish);
@@ -200,7 +200,7 @@ fn the_same_touch_twice_is_the_same_plan() {
 /// Seen to fail with 5 % more moving mass in the image, and with 5 % more for the first in the list.
 #[test]
 fn images_have_the_same_plan() {
-    hold(8, (scenes(), point(), 0..4_usize), |(spec, at, way)| {
+    assert_holds_for_random_inputs(8, (scenes(), point(), 0..4_usize), |(spec, at, way)| {
         let at = on(&spec, at);
         // A bar has its places on its axis.
         let way = if spec.is_bar { way / 2 * 3 } else { way };
@@ -247,22 +247,32 @@ fn images_have_the_same_plan() {
 #[test]
 fn a_shifted_screen_shifts_its_touches() {
     let shift = (0.0..0.5_f64, 0.0..0.5_f64);
-    hold(60, (scenes(), (100..3000_u32, 100..2000_u32), shift, point()), |(spec, pixels, (right, down), pixel)| {
-        let (pixels, [length, width]) = ([pixels.0, pixels.1], spec.size_mm);
-        let on = |x: f64, y: f64| {
-            let area = [x * length, y * width, 0.5 * length, 0.5 * width];
-            Spec { screen: Some((pixels, area)), ..spec.clone() }.scene().screen
-        };
-        let (here, there) = (on(0.0, 0.0), on(right, down));
-        let at = [pixel[0] * f64::from(pixels[0]), pixel[1] * f64::from(pixels[1])];
-        let fail = |error: era_model::scene::ScreenError| TestCaseError::fail(error.to_string());
-        let (x, y) = here.convert_px_to_surface_m(at[0], at[1]).map_err(fail)?;
-        let (u, v) = there.convert_px_to_surface_m(at[0], at[1]).map_err(fail)?;
-        // Sums of three numbers below a metre.
-        let differs = |a: f64, b: f64| (a - b).abs() > 1e-15;
-        prop_assert!(!differs(u, x + right * length / 1e3) && !differs(v, y + down * width / 1e3), "{x} {y} {u} {v}");
-        let (back_x, back_y) = there.convert_surface_m_to_px(u, v).map_err(fail)?;
-        prop_assert!((back_x - at[0]).abs() < 1e-9 && (back_y - at[1]).abs() < 1e-9, "{back_x} {back_y} for {at:?}");
-        Ok(())
-    });
+    assert_holds_for_random_inputs(
+        60,
+        (scenes(), (100..3000_u32, 100..2000_u32), shift, point()),
+        |(spec, pixels, (right, down), pixel)| {
+            let (pixels, [length, width]) = ([pixels.0, pixels.1], spec.size_mm);
+            let on = |x: f64, y: f64| {
+                let area = [x * length, y * width, 0.5 * length, 0.5 * width];
+                Spec { screen: Some((pixels, area)), ..spec.clone() }.parse_scene().screen
+            };
+            let (here, there) = (on(0.0, 0.0), on(right, down));
+            let at = [pixel[0] * f64::from(pixels[0]), pixel[1] * f64::from(pixels[1])];
+            let fail = |error: era_model::scene::ScreenError| TestCaseError::fail(error.to_string());
+            let (x, y) = here.convert_px_to_surface_m(at[0], at[1]).map_err(fail)?;
+            let (u, v) = there.convert_px_to_surface_m(at[0], at[1]).map_err(fail)?;
+            // Sums of three numbers below a metre.
+            let differs = |a: f64, b: f64| (a - b).abs() > 1e-15;
+            prop_assert!(
+                !differs(u, x + right * length / 1e3) && !differs(v, y + down * width / 1e3),
+                "{x} {y} {u} {v}"
+            );
+            let (back_x, back_y) = there.convert_surface_m_to_px(u, v).map_err(fail)?;
+            prop_assert!(
+                (back_x - at[0]).abs() < 1e-9 && (back_y - at[1]).abs() < 1e-9,
+                "{back_x} {back_y} for {at:?}"
+            );
+            Ok(())
+        },
+    );
 }

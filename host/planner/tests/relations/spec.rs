@@ -9,8 +9,13 @@ const MORE: &str = "ERA_RELATIONS";
 /// Modes and responses are asked for up to this frequency in Hz.
 pub const HIGHEST_HZ: f64 = 400.0;
 
-/// Tries `relation` on `cases` random inputs, the same ones every time (times what the variable says).
-pub fn hold<S: Strategy>(cases: u32, inputs: S, relation: impl Fn(S::Value) -> TestCaseResult) {
+/// Tries `relation` on `cases` random inputs, the same ones every time (times what the variable says); panics with the smallest input that it
+/// does not hold for.
+pub fn assert_holds_for_random_inputs<S: Strategy>(
+    cases: u32,
+    inputs: S,
+    relation: impl Fn(S::Value) -> TestCaseResult,
+) {
     let times = std::env::var(MORE).ok().and_then(|text| text.parse::<u32>().ok()).unwrap_or(1);
     let config = Config { cases: cases * times, max_shrink_iters: 24, failure_persistence: None, ..Config::default() };
     let mut runner = TestRunner::new_with_rng(config, TestRng::deterministic_rng(Default::default()));
@@ -89,7 +94,8 @@ fn lossy(text: &mut String, loss_factor: f64) {
 }
 
 impl Spec {
-    pub fn scene(&self) -> era_model::scene::Scene {
+    /// The scene that its file describes; panics if the file is not valid.
+    pub fn parse_scene(&self) -> era_model::scene::Scene {
         let text = self.text();
         era_model::scene::Scene::parse("relation", &text).unwrap_or_else(|error| panic!("{error}\n{text}"))
     }

@@ -233,14 +233,25 @@ fn add_row_of_discharge_wait_after_reset_with_open_divider(
 /// A drive near the largest force is charged by nearly all the time that passes; a reset does not give that back.
 fn add_rows_of_drive_time_left_after_reset(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let name = "credit over a reset";
-    board.power_cycle_healing_faults()?;
+    add_rows_of_drive_time_left_over_reset_or_brown_out(board, table, name, &json!({}), "pin")
+}
+
+/// Drives channel 0 near the largest force for half a second on a board with this defect, and resets it for this cause.
+fn add_rows_of_drive_time_left_over_reset_or_brown_out(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+    name: &str,
+    defect: &Value,
+    reset: &str,
+) -> Result<(), Error> {
+    board.power_cycle_with_fault_and_time_boot_ms(defect)?;
     let full = read_drive_time_left_of_each_channel_ms(board)?;
     board.arm_and_wait()?;
     let refused = board.set_drives(&[make_drive(0, 200_000, 900_000, 0, 2_000_000)])?;
     table.add_comparison_row(&format!("{name}: drive set"), "None", &format!("{refused:?}"));
     board.advance_time_with_keep_alives(0.5)?;
     let spent = read_drive_time_left_of_each_channel_ms(board)?;
-    board.inject_fault(&json!({"reset": "pin"}))?;
+    board.inject_fault(&json!({"reset": reset}))?;
     board.advance_time(RESTARTED_S)?;
     let after = read_drive_time_left_of_each_channel_ms(board)?;
     let is_kept = match (full.first(), spent.first(), after.first()) {
@@ -249,7 +260,7 @@ fn add_rows_of_drive_time_left_after_reset(board: &mut EmulatedBoard, table: &mu
         _ => false,
     };
     let expected = format!("channel 0: before it 200 ms below {full:?} ms, after it within 100 ms of {spent:?} ms");
-    table.add_row(&format!("{name}: after it"), &expected, &format!("{after:?} ms"), is_kept);
+    table.add_row(&format!("{name}: credit after it"), &expected, &format!("{after:?} ms"), is_kept);
     Ok(())
 }
 
@@ -389,23 +400,8 @@ fn add_rows_of_memory_kept_over_brown_out_with_and_without_parity(
     for (name, options) in
         [("SRAM parity on, brown-out while live", PARITY_ON), ("SRAM parity off, brown-out while live", DELIVERED)]
     {
-        board.power_cycle_with_fault_and_time_boot_ms(&json!({"option_bytes": options}))?;
-        let full = read_drive_time_left_of_each_channel_ms(board)?;
-        board.arm_and_wait()?;
-        // Near the largest force, which is charged by nearly all the time that passes: a start does not earn that back.
-        let refused = board.set_drives(&[make_drive(0, 200_000, 900_000, 0, 2_000_000)])?;
-        table.add_comparison_row(&format!("{name}: drive set"), "None", &format!("{refused:?}"));
-        board.advance_time_with_keep_alives(0.5)?;
-        let spent = read_drive_time_left_of_each_channel_ms(board)?;
-        board.inject_fault(&json!({"reset": "brown_out"}))?;
-        board.advance_time(RESTARTED_S)?;
-        let after = read_drive_time_left_of_each_channel_ms(board)?;
-        let is_kept = match (full.first(), spent.first(), after.first()) {
-            (Some(full), Some(spent), Some(after)) => spent + 200 < *full && after.abs_diff(*spent) <= 100,
-            _ => false,
-        };
-        let expected = format!("channel 0: before it 200 ms below {full:?} ms, after it within 100 ms of {spent:?} ms");
-        table.add_row(&format!("{name}: credit after it"), &expected, &format!("{after:?} ms"), is_kept);
+        let options = json!({"option_bytes": options});
+        add_rows_of_drive_time_left_over_reset_or_brown_out(board, table, name, &options, "brown_out")?;
         add_row_of_fault_state_and_latched_fault_code(board, table, name, FaultCode::BrownOut)?;
         table.add_comparison_row(&format!("{name}: reset cause in the hello"), "PowerOn", &read_reset_cause(board)?);
     }
